@@ -1,0 +1,237 @@
+"""The wire format: events as bytes and back.
+
+Rule 1: a payload is an array of one or more events of one key, in order; a lone object counts as an array of one.
+Rule 2: JSON or msgpack of the same structs; the sample's encoding says which, every reader takes both.
+Rule 3: one bad element does not cost its neighbours: the list is decoded at once, and only if that fails element by element.
+Rule 4: hostile bytes raise CodecError and nothing else. msgspec raises ValidationError, DecodeError, UnicodeDecodeError and
+RecursionError on them (measured with 200,000 mutated payloads).
+Rule 5: fields are only ever added, with defaults; unknown fields are ignored. Golden vectors hold the format still.
+"""
+
+import re
+from collections.abc import Sequence
+from typing import Any, Final, TypeAlias, cast
+
+import msgspec
+
+from bridge.core.arguments import guid
+from bridge.core.events import (
+    DEFAULT_LIMITS,
+    KIND_NAMES,
+    AnyEvent,
+    ConfirmationState,
+    Event,
+    LimitError,
+    Limits,
+    MessageSent,
+    Severity,
+    check_limits,
+)
+from bridge.core.keys import EventKey
+
+WIRE: Final = 1
+JSON: Final = "application/json"
+MSGPACK: Final = "application/vnd.msgpack"
+Encoding: TypeAlias = str
+ENCODINGS: Final = (JSON, MSGPACK)
+
+_HOSTILE: Final = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
+_JSON_ENCODER: Final = msgspec.json.Encoder()
+_MSGPACK_ENCODER: Final = msgspec.msgpack.Encoder()
+_LIST_DECODERS: Final = {
+    JSON: msgspec.json.Decoder(list[AnyEvent]).decode,
+    MSGPACK: msgspec.msgpack.Decoder(list[AnyEvent]).decode,
+}
+_ONE_DECODERS: Final = {JSON: msgspec.json.Decoder(AnyEvent).decode, MSGPACK: msgspec.msgpack.Decoder(AnyEvent).decode}
+_RAW_DECODERS: Final = {
+    JSON: msgspec.json.Decoder(list[msgspec.Raw]).decode,
+    MSGPACK: msgspec.msgpack.Decoder(list[msgspec.Raw]).decode,
+}
+_JSON_ARRAY: Final = re.compile(rb"[ \t\r\n]*\[")
+
+
+class CodecError(ValueError):
+    """Bytes that are no event or no payload; `reason` says what was wrong, `path` where in the element."""
+
+    def __init__(self, reason: str) -> None:
+        _, mark, path = reason.partition(" - at ")
+        self.reason = reason
+        self.path = path.strip("`") if mark else ""
+        super().__init__(reason)
+
+
+class RejectedElement(msgspec.Struct, frozen=True):
+    """One element of a payload that is no event: its bytes and why."""
+
+    raw: bytes
+    reason: str
+
+
+class Decoded(msgspec.Struct, frozen=True):
+    """What a payload held."""
+
+    events: list[AnyEvent]
+    rejected: list[RejectedElement]
+
+
+def _known(encoding: Encoding) -> Encoding:
+    if encoding in ENCODINGS:
+        return encoding
+    raise CodecError(f"encoding {encoding!r} is not one of {', '.join(ENCODINGS)}")
+
+
+def encode(event: AnyEvent, encoding: Encoding = JSON) -> bytes:
+    """One event as one element. CodecError for text that is not UTF-8 (lone surrogates) or an unknown encoding."""
+    try:
+        if encoding == JSON:
+            return _JSON_ENCODER.encode(event)
+        _known(encoding)
+        return _MSGPACK_ENCODER.encode(event)
+    except UnicodeEncodeError as error:
+        raise CodecError(f"text is not encodable as UTF-8: {error.reason}") from None
+
+
+def join(elements: Sequence[bytes], encoding: Encoding = JSON) -> bytes:
+    """Elements of one key as a payload, in order."""
+    if encoding == JSON:
+        return b"[" + b",".join(elements) + b"]"
+    _known(encoding)
+    count = len(elements)
+    if count < 16:
+        head = bytes((0x90 | count,))
+    elif count < 65536:
+        head = b"\xdc" + count.to_bytes(2, "big")
+    else:
+        head = b"\xdd" + count.to_bytes(4, "big")
+    return head + b"".join(elements)
+
+
+def _is_array(payload: bytes, encoding: Encoding) -> bool:
+    if encoding == JSON:
+        return _JSON_ARRAY.match(payload) is not None
+    return bool(payload) and (payload[0] & 0xF0 == 0x90 or payload[0] in (0xDC, 0xDD))
+
+
+def split(payload: bytes, encoding: Encoding = JSON) -> list[bytes]:
+    """The elements of a payload as the bytes that came, undecoded. CodecError when it cannot be taken apart."""
+    _known(encoding)
+    try:
+        if not _is_array(payload, encoding):
+            _ONE_RAW[encoding](payload)
+            return [payload]
+        return [bytes(raw) for raw in _RAW_DECODERS[encoding](payload)]
+    except _HOSTILE as error:
+        raise CodecError(str(error)) from None
+
+
+_ONE_RAW: Final = {JSON: msgspec.json.Decoder(msgspec.Raw).decode, MSGPACK: msgspec.msgpack.Decoder(msgspec.Raw).decode}
+
+
+def decode_one(element: bytes, encoding: Encoding = JSON, limits: Limits = DEFAULT_LIMITS) -> AnyEvent:
+    """One element as an event, within the limits. CodecError says why not."""
+    _known(encoding)
+    try:
+        event = cast(AnyEvent, _ONE_DECODERS[encoding](element))
+        reason = _fault(event, None, limits)
+    except _HOSTILE as error:
+        raise CodecError(str(error)) from None
+    if reason:
+        raise CodecError(reason)
+    return event
+
+
+def _fault(event: Event, key: EventKey | None, limits: Limits) -> str:
+    """Why a decoded event cannot be taken; "" when it can."""
+    if key is None:
+        try:
+            if guid(event.event_class) != event.event_class:
+                return f"event_class {event.event_class!r} is not in lower case without braces"
+        except ValueError as error:
+            return f"event_class: {error}"
+    elif field := key.disagreement(event):
+        return f"{field} disagrees with the key"
+    if event.source_guid is not None:
+        try:
+            if guid(event.source_guid) != event.source_guid:
+                return f"source_guid {event.source_guid!r} is not in lower case without braces"
+        except ValueError as error:
+            return f"source_guid: {error}"
+    if event.arguments or event.json_attribute or event.source_name is not None:
+        try:
+            check_limits(event, limits)
+        except LimitError as error:
+            return str(error)
+    return ""
+
+
+def decode(payload: bytes, encoding: Encoding = JSON, key: EventKey | None = None, limits: Limits = DEFAULT_LIMITS) -> Decoded:
+    """The events of a payload, and the elements that are none (undecodable, over a limit, or disagreeing with their key).
+
+    CodecError when the payload cannot be taken apart at all.
+    """
+    rejected: list[RejectedElement] = []
+    try:
+        if encoding == JSON and payload[:1] != b"[" and not _is_array(payload, encoding):
+            events = [cast(AnyEvent, _ONE_DECODERS[JSON](payload))]
+        else:
+            events = _LIST_DECODERS[encoding](payload)
+        bad = [n for n, event in enumerate(events) if _fault(event, key, limits)]
+        if not bad:
+            return Decoded(events, rejected)
+    except (*_HOSTILE, KeyError):
+        pass
+    events = []
+    for raw in split(payload, encoding):
+        try:
+            event = cast(AnyEvent, _ONE_DECODERS[encoding](raw))
+            reason = _fault(event, key, limits)
+        except _HOSTILE as error:
+            rejected.append(RejectedElement(raw, str(error)))
+            continue
+        if reason:
+            rejected.append(RejectedElement(raw, reason))
+        else:
+            events.append(event)
+    return Decoded(events, rejected)
+
+
+_ENUMS: Final = {"Severity": Severity, "ConfirmationState": ConfirmationState}
+
+
+def schema() -> dict[str, Any]:
+    """JSON Schema of one event: root inlined, no $ref, one plain type per property, as Foxglove's parser wants it."""
+    (root,), parts = msgspec.json.schema_components([MessageSent], ref_template="{name}")
+    event = _inlined(parts[cast(str, root["$ref"])], parts)
+    properties = cast(dict[str, Any], event["properties"])
+    properties["kind"] = {"type": "string", "enum": list(KIND_NAMES)}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "tcbridge.Event",
+        "description": f"One event of tcbridge, wire format {WIRE}",
+        "type": "object",
+        "properties": properties,
+        "required": event["required"],
+    }
+
+
+def _inlined(node: Any, parts: dict[str, Any]) -> Any:  # noqa: ANN401 - a JSON Schema is any JSON
+    if isinstance(node, list):
+        return [_inlined(item, parts) for item in node]
+    if not isinstance(node, dict):
+        return node
+    if "$ref" in node:
+        name = node["$ref"]
+        if name in _ENUMS:
+            members = [{"title": member.name, "const": int(member)} for member in _ENUMS[name]]
+            return {"type": "integer", "oneOf": members}
+        return _inlined(parts[name], parts)
+    if "anyOf" in node:
+        (plain,) = [item for item in node["anyOf"] if item != {"type": "null"}]
+        return _inlined(plain, parts)
+    return {
+        name: _inlined(value, parts)
+        for name, value in node.items()
+        if name not in ("default", "title", "description")
+        or (name == "default" and value not in (None, []))
+        or isinstance(value, dict)
+    }

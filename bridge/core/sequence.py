@@ -1,0 +1,117 @@
+"""What is missing: gaps and duplicates, told from session, key and key_seq.
+
+Rule 1: a sender numbers its events 1, 2, ... per session and key, so a receiver of only some keys still sees each loss.
+Rule 2: an event whose number is at or below the last one is a duplicate, unless it fills a gap that is known.
+Rule 3: a beat says how far each key has come; what it names and nobody saw is a lost tail.
+Rule 4: the promise starts with the first beat. What a key had before that was never promised.
+Rule 5: key_seq 0 is a sender that does not number: nothing can be said about it.
+"""
+
+from collections.abc import Mapping
+
+import msgspec
+
+from bridge.core.events import Count
+
+
+class Missing(msgspec.Struct, frozen=True):
+    """A range of numbers of one session and key that has not come: first and last are included.
+
+    after_seq: only events with a greater seq are promised (0: all of the range).
+    """
+
+    session: str
+    key: str
+    first: int
+    last: int
+    after_seq: int = 0
+
+    @property
+    def count(self) -> int:
+        """How many numbers the range has."""
+        return self.last - self.first + 1
+
+
+class Beat(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A sender's numbers, sent each second: the last seq, and the last key_seq of each key used in the last 60 s.
+
+    final: it has closed, nothing follows. unsent: events it could not hand to the bus before closing.
+    """
+
+    target: str
+    session: str
+    role: str = "publisher"
+    seq: Count = 0
+    keys: dict[str, Count] = {}
+    final: bool = False
+    unsent: Count = 0
+
+
+class Tracker:
+    """The last number seen per session and key."""
+
+    def __init__(self) -> None:
+        self._last: dict[tuple[str, str], int] = {}
+        self._started: dict[str, int] = {}
+
+    def started(self, session: str) -> bool:
+        """Whether a beat of this session has been seen, so that its losses are visible."""
+        return session in self._started
+
+    def last(self, session: str, key: str) -> int | None:
+        """The last number seen, None before the first."""
+        return self._last.get((session, key))
+
+    def see(self, session: str, key: str, first: int, last: int) -> Missing | None:
+        """Take note of events first..last of a key that follow each other; what is missing before them, if anything.
+
+        A range that lies wholly at or below what was seen is a duplicate: `is_duplicate` tells before.
+        """
+        place = (session, key)
+        seen = self._last.get(place)
+        if seen is None:
+            self._last[place] = last
+            after = self._started.get(session)
+            if after is None or first == 1:
+                return None
+            return Missing(session, key, 1, first - 1, after)
+        if last > seen:
+            self._last[place] = last
+        return Missing(session, key, seen + 1, first - 1) if first > seen + 1 else None
+
+    def is_duplicate(self, session: str, key: str, number: int) -> bool:
+        """Whether this number was passed before."""
+        seen = self._last.get((session, key))
+        return seen is not None and number <= seen
+
+    def beat(self, beat: Beat, keys: Mapping[str, int] | None = None) -> list[Missing]:
+        """The tails a beat reveals. `keys` restricts it to the keys that the receiver wanted.
+
+        The first beat of a session sets the start: what it names is taken as seen.
+        """
+        keys = beat.keys if keys is None else keys
+        if beat.session not in self._started:
+            self._started[beat.session] = beat.seq
+            for key, number in keys.items():
+                self._last.setdefault((beat.session, key), number)
+            return []
+        tails = []
+        start = self._started[beat.session]
+        for key, number in keys.items():
+            seen = self._last.get((beat.session, key))
+            if seen is None:
+                tails.append(Missing(beat.session, key, 1, number, start))
+            elif number > seen:
+                tails.append(Missing(beat.session, key, seen + 1, number))
+        return tails
+
+    def pass_over(self, missing: Missing) -> None:
+        """Take a range as dealt with: delivered by repair or reported."""
+        place = (missing.session, missing.key)
+        self._last[place] = max(self._last.get(place, 0), missing.last)
+
+    def forget(self, session: str) -> None:
+        """Drop everything about a session that is over."""
+        self._started.pop(session, None)
+        for place in [place for place in self._last if place[0] == session]:
+            del self._last[place]
