@@ -1,0 +1,321 @@
+"""TwinCAT's class XML as event classes: the contents of .tmc, .tsproj and .xti files.
+
+Rule 1: bytes in, values out. Who opens files is at the edge.
+Rule 2: a class is read whole or not at all. Each fault is a Problem with file and line; the whole classes beside it are read,
+        also from a file that is cut off or not well-formed somewhere.
+Rule 3: a file comes from outside: a DTD is refused (so no entities, no external references), elements nest 256 deep at most,
+        and nothing is fetched.
+
+Shape (facts 2.1 to 2.4): the root is TcModuleClass, TcSmProject or TcSmItem. A DataType is an event class exactly when it has
+EventId children. Translations hang on the root or on one DataType and are joined by the display text; on one class its own
+come before those of the file. Display texts are taken as they are, names, ids and GUIDs without the blanks around them.
+HideNeedlessArguments holds unless its value is 0 or false; a property without a value has the value "".
+"""
+
+import codecs
+import re
+from collections.abc import Iterator
+from typing import Final
+
+import msgspec
+from lxml import etree
+
+from bridge.core.arguments import guid
+from bridge.core.catalog import EventClass, EventEntry
+from bridge.core.events import Severity
+
+ROOTS: Final = ("TcModuleClass", "TcSmProject", "TcSmItem")
+HIDE_NEEDLESS_ARGUMENTS: Final = "HideNeedlessArguments"
+MAX_PROBLEMS: Final = 1000
+"""So many problems of one file are reported; more say nothing new."""
+HEAD_BYTES: Final = 1_000_000
+"""The root element must begin within so many bytes."""
+_EXPECTED_ROOT: Final = f"expected an XML file whose root is {', '.join(ROOTS[:-1])} or {ROOTS[-1]}"
+_SEVERITIES: Final = {severity.name.capitalize(): severity for severity in Severity}
+_NUMBER: Final = re.compile(r"#[xX]([0-9a-fA-F]{1,8})|([0-9]{1,10})")
+_OPTIONS: Final = {
+    "resolve_entities": False,
+    "no_network": True,
+    "huge_tree": False,
+    "remove_comments": True,
+    "remove_pis": True,
+}
+
+_Table = dict[str, dict[int, str]]
+
+
+class Problem(msgspec.Struct, frozen=True):
+    """A fault in a file: where, and what was found and expected."""
+
+    file: str
+    line: int
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}: {self.message}"
+
+
+class TmcError(ValueError):
+    """Content that is no TwinCAT XML at all, or that is refused: file, line, and what was expected."""
+
+    def __init__(self, file: str, line: int, message: str) -> None:
+        self.file, self.line, self.message = file, line, message
+        super().__init__(f"{file}:{line}: {message}")
+
+
+class ReadResult(msgspec.Struct, frozen=True):
+    """The whole classes in the file's order, the faults, and every file-level translation, used by a class or not."""
+
+    classes: tuple[EventClass, ...]
+    problems: tuple[Problem, ...] = ()
+    translations: dict[str, dict[int, str]] = {}
+
+
+def read_classes(data: bytes, name: str = "") -> ReadResult:
+    """Read the event classes of a .tmc, .tsproj or .xti file's content; `name` is what problems call the file.
+
+    TmcError when the content is not XML, has another root, or has a DTD.
+    """
+    _check_root(data, name)
+    reader = _Reader(name)
+    try:
+        root = etree.fromstring(data, etree.XMLParser(**_OPTIONS))
+    except etree.XMLSyntaxError as error:
+        reader.problem(error.lineno or 1, f"{_reason(error)}; expected well-formed XML, the classes that are whole are read")
+        reader.salvage(data)
+    else:
+        for element in root.iterfind("Translations"):
+            reader.read_translations(element, reader.table)
+        for element in root.iter("DataType"):
+            reader.read_data_type(element)
+    return reader.result()
+
+
+def _reason(error: etree.XMLSyntaxError) -> str:
+    return re.sub(r",? line \d+, column \d+.*", "", error.msg or "not well-formed", flags=re.DOTALL)
+
+
+def _check_root(data: bytes, name: str) -> None:
+    """Look at the head only, so that a hostile rest costs nothing yet. A fault behind the root is not told here."""
+    probe = etree.XMLPullParser(events=("start",), **_OPTIONS)
+    fault = TmcError(name, 1, f"no element; {_EXPECTED_ROOT}")
+    for start in range(0, min(len(data), HEAD_BYTES) + 512, 512):
+        piece = data[start : start + 512]
+        failed = False
+        try:
+            probe.feed(piece) if piece else probe.close()
+        except etree.XMLSyntaxError as error:
+            failed, fault = True, TmcError(name, error.lineno or 1, f"{_reason(error)}; {_EXPECTED_ROOT}")
+        root = next((element for _, element in probe.read_events()), None)
+        if root is not None:
+            if root.getroottree().docinfo.internalDTD is not None:
+                raise TmcError(name, 1, "a DTD is refused; expected a file without DOCTYPE")
+            if root.tag not in ROOTS:
+                raise TmcError(name, root.sourceline or 1, f"the root is {root.tag}; {_EXPECTED_ROOT}")
+            return
+        if failed or not piece:
+            break
+    raise fault
+
+
+class _Reader:
+    """Collects classes and problems of one file. `table` is its file-level translations; they are joined in result()."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.offset = 0
+        self.faults = 0
+        self.problems: list[Problem] = []
+        self.classes: list[EventClass] = []
+        self.table: _Table = {}
+
+    def problem(self, line: int, message: str) -> None:
+        self.faults += 1
+        if self.faults <= MAX_PROBLEMS:
+            self.problems.append(Problem(self.name, line, message))
+
+    def fault(self, element: etree._Element, message: str) -> None:
+        self.problem(self.offset + (element.sourceline or 1), message)
+
+    def result(self) -> ReadResult:
+        classes = tuple(msgspec.structs.replace(found, translations=self.joined(found)) for found in self.classes)
+        return ReadResult(classes, tuple(sorted(self.problems, key=lambda each: each.line)), self.table)
+
+    def joined(self, found: EventClass) -> _Table:
+        joined = {key: dict(table) for key, table in found.translations.items()}
+        keys = [found.display_text, found.comment]
+        for entry in found.events.values():
+            keys += (entry.display_text, entry.comment)
+        for key in keys:
+            if key and key in self.table:
+                joined[key] = {**self.table[key], **found.translations.get(key, {})}
+        return joined
+
+    # ELEMENTS -----------------------------------------------------------------------------------------------------------------
+
+    def read_data_type(self, element: etree._Element) -> None:
+        if element.find("EventId") is None:
+            return
+        before = self.faults
+        found = self.event_class(element)
+        if found is not None and self.faults == before:
+            self.classes.append(found)
+
+    def event_class(self, element: etree._Element) -> EventClass | None:
+        head = element.find("Name")
+        name = _stripped(head)
+        if not name:
+            self.fault(element, "the event class has no Name; expected <Name GUID=...>name</Name>")
+            return None
+        class_guid = self.guid(head, f"event class {name}")
+        events: dict[int, EventEntry] = {}
+        for child in element.iterfind("EventId"):
+            entry = self.event(child, name)
+            if entry is None:
+                continue
+            if entry.id in events:
+                both = f"{events[entry.id].name} and {entry.name}"
+                self.fault(child, f"event class {name}: id {entry.id} is used twice, by {both}; expected different ids")
+            events[entry.id] = entry
+        translations: _Table = {}
+        for child in element.iterfind("Translations"):
+            self.read_translations(child, translations)
+        hides = [self.guid(child, f"a Hide of event class {name}") for child in element.iterfind("Hides/Hide")]
+        properties = {
+            key: (child.findtext("Value") or "").strip()
+            for child in element.iterfind("Properties/Property")
+            if (key := _stripped(child.find("Name")))
+        }
+        hidden = properties.pop(HIDE_NEEDLESS_ARGUMENTS, "0")
+        if class_guid is None:
+            return None
+        return EventClass(
+            guid=class_guid,
+            name=name,
+            display_text=element.findtext("DisplayName") or "",
+            events=events,
+            translations=translations,
+            hides=tuple(each for each in hides if each is not None),
+            hide_needless_arguments=hidden.lower() not in ("0", "false"),
+            namespace=(head.get("Namespace") or "").strip(),
+            comment=element.findtext("Comment") or "",
+            properties=properties,
+        )
+
+    def event(self, element: etree._Element, class_name: str) -> EventEntry | None:
+        head = element.find("Name")
+        name = _stripped(head)
+        if not name:
+            self.fault(element, f"event class {class_name}: an event has no Name; expected <Name Id=...>name</Name>")
+            return None
+        number = self.number(head, "Id", f"event {class_name}.{name}")
+        word = _stripped(element.find("Severity"))
+        severity = _SEVERITIES.get(word.capitalize())
+        if severity is None:
+            found = f"Severity {word!r}" if word else "no Severity"
+            self.fault(element, f"event {class_name}.{name}: {found}; expected one of {', '.join(_SEVERITIES)}")
+        if number is None or severity is None:
+            return None
+        return EventEntry(number, name, severity, element.findtext("DisplayName") or "", element.findtext("Comment") or "")
+
+    def read_translations(self, element: etree._Element, into: _Table) -> None:
+        for key in element.iterfind("Text"):
+            text_id = key.get("TxtId")
+            if text_id is None:
+                self.fault(key, "a Text has no TxtId; expected the display text it translates")
+                continue
+            table = into.setdefault(text_id, {})
+            for text in key.iterfind("Text"):
+                lcid = self.number(text, "LcId", f"the translation of {text_id[:40]!r}")
+                if lcid is not None:
+                    table[lcid] = text.text or ""
+
+    def guid(self, element: etree._Element, what: str) -> str | None:
+        text = (element.get("GUID") or "").strip()
+        try:
+            return guid(text)
+        except ValueError:
+            found = f"GUID {text[:60]!r}" if text else "no GUID"
+            self.fault(element, f"{what}: {found}; expected e.g. {{54CC5482-AD79-4CDC-8C3E-B3983B36ED66}}")
+            return None
+
+    def number(self, element: etree._Element, attribute: str, what: str) -> int | None:
+        text = (element.get(attribute) or "").strip()
+        match = _NUMBER.fullmatch(text)
+        number = (int(match[1], 16) if match[1] else int(match[2])) if match else 2**32
+        if number < 2**32:
+            return number
+        found = f"{attribute} {text[:40]!r}" if text else f"no {attribute}"
+        self.fault(element, f"{what}: {found}; expected 0..4294967295, decimal or #x and hex digits")
+        return None
+
+    # FILES THAT ARE NOT WELL-FORMED -------------------------------------------------------------------------------------------
+
+    def salvage(self, data: bytes) -> None:
+        """Read each DataType that is whole and well-formed on its own, and the file's translations if they are."""
+        text = _decoded(data)
+        line, last = 1, 0
+        for start, end, tag in _pieces(text):
+            line, last = line + text.count("\n", last, start), start
+            if end < 0:
+                self.problem(line, f"a {tag} is not closed; expected </{tag}>")
+                continue
+            piece = text[start:end]
+            if tag == "DataType" and "<EventId" not in piece:
+                continue
+            self.offset = line - 1
+            try:
+                if "\N{REPLACEMENT CHARACTER}" in piece:
+                    raise ValueError("bytes that are no text in the file's encoding")
+                element = etree.fromstring(piece.encode("utf-8"), etree.XMLParser(**_OPTIONS))
+            except etree.XMLSyntaxError as error:
+                self.problem(
+                    self.offset + (error.lineno or 1), f"a {tag} cannot be read: {_reason(error)}; expected well-formed XML"
+                )
+            except ValueError as error:
+                self.problem(line, f"a {tag} cannot be read: {error}; expected well-formed XML")
+            else:
+                if tag == "DataType":
+                    self.read_data_type(element)
+                else:
+                    self.read_translations(element, self.table)
+
+
+def _stripped(element: etree._Element | None) -> str:
+    return (element.text or "").strip() if element is not None else ""
+
+
+def _decoded(data: bytes) -> str:
+    """The text of the file by its mark or declaration; U+FFFD where the bytes are none."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", "replace")
+    declared = re.match(rb"(?:\xef\xbb\xbf)?<\?xml[^>]{0,200}?encoding=[\"']([A-Za-z0-9._-]{1,40})[\"']", data)
+    try:
+        return data.decode(declared[1].decode("ascii") if declared else "utf-8-sig", "replace")
+    except LookupError:
+        return data.decode("utf-8-sig", "replace")
+
+
+_TOKEN: Final = re.compile(r"<!--|-->|<!\[CDATA\[|\]\]>|<(/?)(DataType|Translations)(?:\s[^<>]*)?>")
+
+
+def _pieces(text: str) -> Iterator[tuple[int, int, str]]:
+    """Start, end and tag of each outermost DataType and Translations outside comments and CDATA; end -1 when not closed."""
+    until: str | None = None
+    opened: tuple[int, str] | None = None
+    for match in _TOKEN.finditer(text):
+        token, closing, tag = match[0], match[1], match[2]
+        if until is not None:
+            until = None if token == until else until
+        elif tag is None:
+            until = {"<!--": "-->", "<![CDATA[": "]]>"}.get(token)
+        elif closing:
+            if opened is not None and opened[1] == tag:
+                yield opened[0], match.end(), tag
+                opened = None
+        elif opened is None or tag == "DataType":
+            if opened is not None:
+                yield opened[0], -1, opened[1]
+            opened = None if token.endswith("/>") else (match.start(), tag)
+    if opened is not None:
+        yield opened[0], -1, opened[1]
