@@ -120,12 +120,12 @@ def _text_of(kind: ArgumentType, value: Value) -> str:
         case _T.BOOLEAN, bool():
             return "true" if value else "false"
         case ((_T.FLOAT | _T.DOUBLE), (float() | int())) if not isinstance(value, bool):
-            number = float(value)
-            if kind is _T.FLOAT and math.isfinite(number):
-                try:
+            try:
+                number = float(value)
+                if kind is _T.FLOAT and math.isfinite(number):
                     (number,) = struct.unpack("<f", struct.pack("<f", number))
-                except OverflowError:
-                    raise ArgumentError(f"{value!r} is outside the range of FLOAT") from None
+            except OverflowError:
+                raise ArgumentError(f"{value!r} is outside the range of {kind.name}") from None
             return repr(number)
         case ((_T.CHAR | _T.WCHAR), str()) if len(value) == 1 and ord(value) < (256 if kind is _T.CHAR else 65536):
             return value

@@ -53,6 +53,7 @@ class Tracker:
     def __init__(self) -> None:
         self._last: dict[tuple[str, str], int] = {}
         self._started: dict[str, int] = {}
+        self._taken: set[tuple[str, str]] = set()
 
     def started(self, session: str) -> bool:
         """Whether a beat of this session has been seen, so that its losses are visible."""
@@ -69,6 +70,11 @@ class Tracker:
         """
         place = (session, key)
         seen = self._last.get(place)
+        if place in self._taken:
+            self._taken.discard(place)
+            if seen is not None and first <= seen:
+                self._last[place] = last
+                return None
         if seen is None:
             self._last[place] = last
             after = self._started.get(session)
@@ -81,19 +87,23 @@ class Tracker:
 
     def is_duplicate(self, session: str, key: str, number: int) -> bool:
         """Whether this number was passed before."""
-        seen = self._last.get((session, key))
-        return seen is not None and number <= seen
+        place = (session, key)
+        seen = self._last.get(place)
+        return seen is not None and number <= seen and place not in self._taken
 
     def beat(self, beat: Beat, keys: Mapping[str, int] | None = None) -> list[Missing]:
         """The tails a beat reveals. `keys` restricts it to the keys that the receiver wanted.
 
-        The first beat of a session sets the start: what it names is taken as seen.
+        The first beat of a session sets the start: what it names is taken as seen. Events before it that are still on
+        their way to us are no duplicates when they come.
         """
         keys = beat.keys if keys is None else keys
         if beat.session not in self._started:
             self._started[beat.session] = beat.seq
             for key, number in keys.items():
-                self._last.setdefault((beat.session, key), number)
+                if (beat.session, key) not in self._last:
+                    self._last[beat.session, key] = number
+                    self._taken.add((beat.session, key))
             return []
         tails = []
         start = self._started[beat.session]
@@ -115,3 +125,4 @@ class Tracker:
         self._started.pop(session, None)
         for place in [place for place in self._last if place[0] == session]:
             del self._last[place]
+            self._taken.discard(place)

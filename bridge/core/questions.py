@@ -1,0 +1,80 @@
+"""What a logger may be asked, and how it answers: the payloads of @state, @log and @do.
+
+Rule 1: every answer names the session that gave it, so that two loggers for one target are seen.
+Rule 2: a command carries an id; asking again with the same id gives the same result and does nothing twice.
+Rule 3: an answer has at most PART_ITEMS items; `part` of `parts` says whether it is whole.
+"""
+
+from typing import Final
+
+import msgspec
+
+from bridge.core.alarms import Alarm, AlarmCommand
+from bridge.core.events import U32, AnyEvent, Count
+from bridge.core.sequence import Missing
+
+PART_ITEMS: Final = 1000
+
+
+class StatePart(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A part of the state of a target after `seq` events of `session`: alarms that were raised and not disposed."""
+
+    target: str
+    session: str
+    seq: Count
+    part: Count = 0
+    parts: Count = 1
+    alarms: tuple[Alarm, ...] = ()
+    read_only: bool = False
+
+
+class LogQuestion(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """Which stored events: those a filter text takes, or those somebody missed. limit 0 is all of them.
+
+    offset counts from the newest (newest_first) or the oldest.
+    """
+
+    filter: str = ""
+    limit: Count = 0
+    offset: Count = 0
+    newest_first: bool = True
+    missing: Missing | None = None
+
+
+class Stored(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """An event as a logger keeps it: with its unique id and when it arrived (Unix ns)."""
+
+    event: AnyEvent
+    unique_id: U32 = 0
+    arrival_ns: Count = 0
+
+
+class LogPart(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A part of the answer to a LogQuestion."""
+
+    session: str
+    part: Count = 0
+    last: bool = True
+    events: tuple[Stored, ...] = ()
+
+
+class CommandQuestion(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A command with its id."""
+
+    id: str
+    command: AlarmCommand
+
+
+class CommandAnswer(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """What became of a command: the HRESULT, a detail for people, the alarm as it is now, and who answered.
+
+    created: a Create made a new alarm. seq: the event it caused, 0 for none.
+    """
+
+    id: str
+    session: str
+    result: U32 = 0
+    detail: str = ""
+    alarm: Alarm | None = None
+    created: bool = False
+    seq: Count = 0

@@ -1,0 +1,609 @@
+"""Events in: subscribe to what the filter's cover picks, decode, check, fold, hand over.
+
+Rule 1: a thread of ours drains each subscription; user code runs on the user's thread (iterator) or one of ours (observe).
+Rule 2: loss is never silent. A gap is asked from its sender, then from the logger, else reported as Gap in place; what a
+full queue dropped is Dropped in place; what could not be decoded is Rejected; a session gone without a word is TailUnknown.
+Rule 3: alarm state is folded before the user's queue, so it is right even when the user is slow.
+Rule 4: state first subscribes, then asks, then applies what is newer (the other order left gaps in 25 of 40 joins).
+Rule 5: the promise starts with the first beat of a session after subscribing.
+"""
+
+import asyncio
+import contextlib
+import threading
+import time
+from collections import deque
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from types import TracebackType
+from typing import Final, Literal, TypeAlias
+
+import msgspec
+
+from bridge.core import codec, keys
+from bridge.core.alarms import Alarm, AlarmTable
+from bridge.core.events import (
+    DEFAULT_LIMITS,
+    AlarmCleared,
+    AlarmConfirmed,
+    AlarmDisposed,
+    AlarmRaised,
+    AnyEvent,
+    Event,
+    Limits,
+    MessageSent,
+    is_active,
+)
+from bridge.core.filters.ast import And, Compare, Everything, Expr, resolve
+from bridge.core.filters.cover import cover
+from bridge.core.filters.predicate import compile_filter
+from bridge.core.filters.text import parse
+from bridge.core.questions import LogPart, LogQuestion, StatePart
+from bridge.core.sequence import Beat, Missing, Tracker
+from bridge.edges.bus import Arrival, Bus, Receiver
+
+OnFull: TypeAlias = Literal["drop", "wait"]
+RECHECK_S: Final = 0.1
+"""How long a tail may stay missing before it is asked for: events and beats come through different queues."""
+BATCH: Final = 1024
+
+
+class Dropped(msgspec.Struct, frozen=True):
+    """The user's queue was full: the `count` oldest events left it here."""
+
+    count: int
+
+
+class Gap(msgspec.Struct, frozen=True):
+    """Events that were sent and are nowhere to be had: `missing.count` of them, here, and why not."""
+
+    missing: Missing
+    reason: str
+
+
+class Rejected(msgspec.Struct, frozen=True):
+    """A payload (whole) or one element of it that is no event: its key, its bytes and why."""
+
+    key: str
+    raw: bytes
+    reason: str
+    whole_payload: bool = False
+
+
+class TailUnknown(msgspec.Struct, frozen=True):
+    """A sender is gone without its final beat: what it sent last cannot be known."""
+
+    target: str
+    session: str
+
+
+Notice: TypeAlias = Dropped | Gap | Rejected | TailUnknown
+Item: TypeAlias = AnyEvent | Notice
+
+
+class ListenerCounters(msgspec.Struct):
+    """What a listener saw. missing events were never to be had; repaired ones came late but in their place."""
+
+    payloads: int = 0
+    received: int = 0
+    passed: int = 0
+    duplicates: int = 0
+    dropped: int = 0
+    repaired: int = 0
+    missing: int = 0
+    rejected_payloads: int = 0
+    rejected_events: int = 0
+    tails_unknown: int = 0
+
+
+class TwoLoggersError(RuntimeError):
+    """Two loggers answer for one target, where exactly one is right; names both sessions."""
+
+    def __init__(self, target: str, sessions: Sequence[str]) -> None:
+        self.target, self.sessions = target, tuple(sessions)
+        super().__init__(f"target {target!r} has {len(sessions)} loggers: {', '.join(sessions)}")
+
+
+class Listener:
+    """Events that a filter takes, as an iterator, an async iterator or callbacks. A context manager."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        filter: Expr | str | None = None,
+        *,
+        realm: str = keys.LIVE,
+        target: str | None = None,
+        with_state: bool = False,
+        queue_events: int = 65536,
+        on_full: OnFull = "drop",
+        limits: Limits = DEFAULT_LIMITS,
+        resolve_class: Callable[[str], Sequence[str]] | None = None,
+        raw: Callable[[Arrival, codec.Decoded | None], None] | None = None,
+        repair: bool = True,
+    ) -> None:
+        """Subscribe. with_state also asks the loggers for their alarms, and keeps `alarms` current from then on.
+
+        FilterSyntaxError or AdsError for a bad filter. raw is called with every payload before its events, on the draining
+        thread: a recorder keeps the bytes.
+        """
+        expr = parse(filter, resolve_class=resolve_class) if isinstance(filter, str) else filter or Everything()
+        expr = resolve(expr, resolve_class)
+        if target is not None:
+            mine = Compare("target", "=", target)
+            expr = mine if isinstance(expr, Everything) else And((mine, expr))
+        self.filter = expr
+        self.bus, self.realm = bus, realm
+        self.counters = ListenerCounters()
+        self.tracker = Tracker()
+        self._matches = None if isinstance(expr, Everything) else compile_filter(expr)
+        self._cover = cover(expr)
+        self._needs_check = self._matches is not None and not self._cover.exact
+        self._limits, self._raw, self._repair = limits, raw, repair
+        self._queue: deque[Item] = deque()
+        self._queue_events, self._on_full = queue_events, on_full
+        self._pending_drops = 0
+        self._set_aside: deque[Notice] = deque()
+        self._local: deque[Item] = deque()
+        self._work = threading.RLock()
+        self._lock = threading.Lock()
+        self._more = threading.Condition(self._lock)
+        self._room = threading.Condition(self._lock)
+        self._waiters: list[Callable[[], None]] = []
+        self._closed = threading.Event()
+        self._table = AlarmTable() if with_state else None
+        self._loggers: dict[str, str] = {}
+        self._final: set[str] = set()
+        self._sessions: dict[str, str] = {}
+        self._selected: dict[str, bool] = {}
+        self._beat_seen = threading.Condition(self._work)
+
+        targets = {selection.target for selection in self._cover.selections} or {None}
+        self._targets: list[str | None] = [None] if None in targets else [*sorted(t for t in targets if t is not None)]
+        self._receivers = [bus.receiver(keys.expression(realm, selection)) for selection in self._cover.selections]
+        self._beats = [bus.receiver(keys.verb_key(realm, t, "@beat", None), 4096) for t in self._targets]
+        self._watches = [
+            bus.watch_alive(keys.verb_key(realm, t, "@alive", None, None), self._alive_changed) for t in self._targets
+        ]
+        if self._table is not None:
+            for known in self._targets:
+                self._resync(known)
+        self._threads = [
+            threading.Thread(target=self._drain, args=(receiver,), name="listen", daemon=True) for receiver in self._receivers
+        ] + [threading.Thread(target=self._follow, args=(beats,), name="beats", daemon=True) for beats in self._beats]
+        for thread in self._threads:
+            thread.start()
+
+    # Draining: on our threads, one at a time under _work.
+
+    def _drain(self, receiver: Receiver) -> None:
+        while arrivals := receiver.receive(BATCH):
+            out: list[Item] = []
+            with self._work:
+                for arrival in arrivals:
+                    self._take(arrival, out)
+            if out:
+                self._hand_over(out)
+
+    def _take(self, arrival: Arrival, out: list[Item]) -> None:
+        self.counters.payloads += 1
+        try:
+            decoded = codec.decode(
+                arrival.payload, arrival.encoding.partition(";")[0], keys.parse_event_key(arrival.key), self._limits
+            )
+        except (codec.CodecError, keys.KeyFormatError) as error:
+            self.counters.rejected_payloads += 1
+            if self._raw is not None:
+                self._raw(arrival, None)
+            out.append(Rejected(arrival.key, arrival.payload, str(error), True))
+            return
+        if self._raw is not None:
+            self._raw(arrival, decoded)
+        if decoded.rejected:
+            self.counters.rejected_events += len(decoded.rejected)
+            out.extend(Rejected(arrival.key, element.raw, element.reason) for element in decoded.rejected)
+        events = decoded.events
+        if not events:
+            return
+        self.counters.received += len(events)
+        first, last = events[0], events[-1]
+        if (
+            last.session == first.session
+            and last.key_seq - first.key_seq == len(events) - 1
+            and first.key_seq
+            and not self.tracker.is_duplicate(first.session, arrival.key, first.key_seq)
+        ):
+            self._see(arrival.key, first, last.key_seq, out)
+            self._accept(events, out)
+            return
+        for event in events:
+            if not event.key_seq:
+                self._accept([event], out)
+            elif self.tracker.is_duplicate(event.session, arrival.key, event.key_seq):
+                self.counters.duplicates += 1
+            else:
+                self._see(arrival.key, event, event.key_seq, out)
+                self._accept([event], out)
+
+    def _see(self, key: str, first: Event, last: int, out: list[Item]) -> None:
+        missing = self.tracker.see(first.session, key, first.key_seq, last)
+        if missing is not None:
+            self._recover(first.target, missing, out)
+
+    def _accept(self, events: list[AnyEvent], out: list[Item]) -> None:
+        if self._table is not None and events[0].is_alarm:
+            events = [event for event in events if self._fold(event, out)]
+        if self._needs_check and self._matches is not None:
+            matches = self._matches
+            events = [event for event in events if matches(event)]
+        self.counters.passed += len(events)
+        out.extend(events)
+
+    # Alarm state.
+
+    def _fold(self, event: AnyEvent, out: list[Item]) -> bool:
+        if self._table is None or isinstance(event, MessageSent):
+            return True
+        if self._loggers.get(event.target) != event.session:
+            self._resync(event.target)
+            owner = self._loggers.get(event.target)
+            if owner is not None and owner != event.session:
+                self.counters.rejected_events += 1
+                reason = f"alarm transition of session {event.session}, but the logger of {event.target} is {owner}"
+                out.append(Rejected(keys.event_key(self.realm, event), codec.encode(event), reason))
+                return False
+        self._table.apply(event)
+        return True
+
+    def _resync(self, target: str | None) -> None:
+        """Ask for the state; with target None of every logger there is. No answer leaves what is known."""
+        if self._table is None:
+            return
+        parts: dict[tuple[str, str], list[StatePart]] = {}
+        for answer in self.bus.ask(keys.verb_key(self.realm, target, "@state"), timeout_s=2.0):
+            if answer.error:
+                continue
+            try:
+                part = msgspec.json.decode(answer.payload, type=StatePart)
+            except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+                self.counters.rejected_payloads += 1
+                continue
+            if not part.read_only:
+                parts.setdefault((part.target, part.session), []).append(part)
+        owners: dict[str, list[str]] = {}
+        for name, session in parts:
+            owners.setdefault(name, []).append(session)
+        for name, sessions in owners.items():
+            if len(sessions) > 1:
+                raise TwoLoggersError(name, sessions)
+        for (name, session), found in parts.items():
+            if len({part.seq for part in found}) != 1 or len(found) != found[0].parts:
+                continue
+            alarms = [alarm for part in found for alarm in part.alarms]
+            self._table.load(alarms, session, found[0].seq, target=name)
+            self._loggers[name] = session
+
+    @property
+    def alarms(self) -> list[Alarm]:
+        """The alarms the filter takes that are active now, by state rather than by event; needs with_state."""
+        if self._table is None:
+            raise RuntimeError("this listener keeps no alarm state; open it with with_state=True")
+        matches = self._matches
+        with self._work:
+            return [alarm for alarm in self._table.active() if matches is None or matches(alarm)]
+
+    @property
+    def table(self) -> AlarmTable:
+        """All alarm state as folded so far; needs with_state."""
+        if self._table is None:
+            raise RuntimeError("this listener keeps no alarm state; open it with with_state=True")
+        return self._table
+
+    # Loss.
+
+    def _recover(self, target: str, missing: Missing, out: list[Item]) -> None:
+        """Fill a gap from its sender, then from the logger; what is left is reported. The range is dealt with afterwards."""
+        found: dict[int, AnyEvent] = {}
+        evicted: int | None = None
+        asked = "nobody was asked"
+        if self._repair:
+            found, evicted = self._ask_sender(target, missing)
+            asked = "its sender does not answer" if evicted is None else "its sender no longer holds it"
+            if len(found) < missing.count and (evicted is None or evicted > missing.after_seq):
+                for event in self._ask_log(target, missing):
+                    found.setdefault(event.key_seq, event)
+        self.counters.repaired += len(found)
+        whole = missing.after_seq and evicted is not None and evicted <= missing.after_seq
+        run: list[AnyEvent] = []
+        lost = 0
+        for number in range(missing.first, missing.last + 1) if len(found) or not whole else ():
+            if number in found:
+                run.append(found[number])
+            elif not whole:
+                lost += 1
+        if lost:
+            self.counters.missing += lost
+            if lost == missing.count:
+                out.append(Gap(missing, asked))
+            else:
+                self._report_holes(missing, found, asked, out)
+                run = []
+        for event in run:
+            self._accept([event], out)
+        self.tracker.pass_over(missing)
+        if lost and self._table is not None and "/alarm/" in missing.key:
+            self._resync(target)
+
+    def _report_holes(self, missing: Missing, found: dict[int, AnyEvent], reason: str, out: list[Item]) -> None:
+        start: int | None = None
+        for number in range(missing.first, missing.last + 2):
+            lost = number <= missing.last and number not in found
+            if lost and start is None:
+                start = number
+            elif not lost and start is not None:
+                out.append(Gap(Missing(missing.session, missing.key, start, number - 1, missing.after_seq), reason))
+                start = None
+            if number in found:
+                self._accept([found[number]], out)
+
+    def _ask_sender(self, target: str, missing: Missing) -> tuple[dict[int, AnyEvent], int | None]:
+        found: dict[int, AnyEvent] = {}
+        evicted: int | None = None
+        key = keys.parse_event_key(missing.key)
+        question = keys.verb_key(self.realm, target, "@sent", missing.session)
+        for answer in self.bus.ask(question, msgspec.json.encode(missing), timeout_s=1.0):
+            if answer.error:
+                continue
+            with contextlib.suppress(codec.CodecError, ValueError):
+                evicted = int(answer.note)
+                for event in codec.decode(answer.payload, answer.encoding, key, self._limits).events:
+                    if event.session == missing.session and missing.first <= event.key_seq <= missing.last:
+                        found[event.key_seq] = event
+        return found, evicted
+
+    def _ask_log(self, target: str, missing: Missing) -> list[AnyEvent]:
+        question = msgspec.json.encode(LogQuestion(missing=missing))
+        events: list[AnyEvent] = []
+        for answer in self.bus.ask(keys.verb_key(self.realm, target, "@log"), question, timeout_s=2.0):
+            if not answer.error:
+                with contextlib.suppress(msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+                    part = msgspec.json.decode(answer.payload, type=LogPart)
+                    events.extend(stored.event for stored in part.events)
+        wanted = range(missing.first, missing.last + 1)
+        return [event for event in events if event.session == missing.session and event.key_seq in wanted]
+
+    def _wanted(self, key: str) -> bool:
+        known = self._selected.get(key)
+        if known is None:
+            try:
+                parsed = keys.parse_event_key(key)
+            except keys.KeyFormatError:
+                known = False
+            else:
+                known = any(keys.includes(selection, parsed) for selection in self._cover.selections)
+            self._selected[key] = known
+        return known
+
+    def _follow(self, beats: Receiver) -> None:
+        while arrivals := beats.receive(64):
+            latest: dict[str, Beat] = {}
+            for arrival in arrivals:
+                try:
+                    beat = msgspec.json.decode(arrival.payload, type=Beat)
+                except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+                    self.counters.rejected_payloads += 1
+                    continue
+                if self.tracker.started(beat.session):
+                    latest[beat.session] = beat
+                else:
+                    self._judge(beat)
+            if any(self._judge(beat, look=True) for beat in latest.values()):
+                self._closed.wait(RECHECK_S)
+            for beat in latest.values():
+                self._judge(beat)
+
+    def _judge(self, beat: Beat, *, look: bool = False) -> bool:
+        """Compare a beat with what came; with look only say whether something is missing."""
+        numbers = {key: number for key, number in beat.keys.items() if self._wanted(key)}
+        out: list[Item] = []
+        with self._work:
+            tails = self.tracker.beat(beat, numbers)
+            if look:
+                return bool(tails)
+            if self._table is not None and beat.role == "logger" and self._loggers.get(beat.target) != beat.session:
+                self._resync(beat.target)
+            for tail in tails:
+                self._recover(beat.target, tail, out)
+            if beat.unsent and beat.final:
+                key = keys.verb_key(self.realm, beat.target, "@beat", beat.session)
+                lost = Missing(beat.session, key, beat.seq - beat.unsent + 1, beat.seq)
+                out.append(Gap(lost, f"its sender closed with {beat.unsent} events unsent"))
+            self._sessions[beat.session] = beat.target
+            if beat.final:
+                self._final.add(beat.session)
+            self._beat_seen.notify_all()
+        if out:
+            self._hand_over(out)
+        return bool(tails)
+
+    def _alive_changed(self, key: str, there: bool) -> None:
+        with contextlib.suppress(keys.KeyFormatError, IndexError):
+            _, target, _, parts = keys.parse_verb_key(key)
+            session = parts[1]
+            if there:
+                self._sessions[session] = target
+            elif session in self._sessions:
+                # The final beat comes through another queue: give it the time that tails get.
+                self._closed.wait(RECHECK_S)
+                with self._work:
+                    if session in self._final or not self.tracker.started(session):
+                        return
+                    self.counters.tails_unknown += 1
+                    if self._loggers.get(target) == session:
+                        del self._loggers[target]
+                self._hand_over([TailUnknown(target, session)])
+
+    # The user's side.
+
+    def _hand_over(self, out: list[Item]) -> None:
+        with self._lock:
+            queue = self._queue
+            if self._on_full == "wait":
+                self._room.wait_for(lambda: len(queue) < self._queue_events or self._closed.is_set())
+            queue.extend(out)
+            if self._on_full == "drop" and len(queue) > self._queue_events:
+                for _ in range(len(queue) - self._queue_events):
+                    item = queue.popleft()
+                    if isinstance(item, Dropped | Gap | Rejected | TailUnknown):
+                        self._set_aside.append(item)
+                    else:
+                        self._pending_drops += 1
+                        self.counters.dropped += 1
+            self._more.notify_all()
+            waiters, self._waiters = self._waiters, []
+        for wake in waiters:
+            wake()
+
+    def _refill(self) -> bool:
+        """Move what is there to the consumer's side; called with the lock held."""
+        local, queue = self._local, self._queue
+        if self._pending_drops:
+            local.append(Dropped(self._pending_drops))
+            self._pending_drops = 0
+        while self._set_aside:
+            local.append(self._set_aside.popleft())
+        for _ in range(min(len(queue), BATCH if self._on_full == "wait" else 64)):
+            local.append(queue.popleft())
+        if self._on_full == "wait":
+            self._room.notify_all()
+        return bool(local)
+
+    def get(self, timeout_s: float | None = None) -> Item | None:
+        """The next item; None when the time is up, or when the listener is closed and empty."""
+        if self._local:
+            return self._local.popleft()
+        with self._lock:
+            self._more.wait_for(
+                lambda: self._queue or self._pending_drops or self._set_aside or self._closed.is_set(), timeout_s
+            )
+            return self._local.popleft() if self._refill() else None
+
+    def __iter__(self) -> Iterator[Item]:
+        while (item := self.get()) is not None:
+            yield item
+
+    def events(self) -> Iterator[AnyEvent]:
+        """Only events; notices are in the counters."""
+        for item in self:
+            if isinstance(item, Event):
+                yield item
+
+    def take(self, count: int, timeout_s: float = 10.0) -> list[AnyEvent]:
+        """The next `count` events, or fewer when the time is up; notices are in the counters."""
+        deadline = time.monotonic() + timeout_s
+        taken: list[AnyEvent] = []
+        while len(taken) < count and (left := deadline - time.monotonic()) > 0:
+            item = self.get(left)
+            if item is None:
+                break
+            if isinstance(item, Event):
+                taken.append(item)
+        return taken
+
+    async def __aiter__(self) -> AsyncIterator[Item]:
+        loop = asyncio.get_running_loop()
+        ready = asyncio.Event()
+
+        def wake() -> None:
+            loop.call_soon_threadsafe(ready.set)
+
+        while True:
+            ready.clear()
+            with self._lock:
+                if not self._local and not self._refill():
+                    if self._closed.is_set():
+                        return
+                    self._waiters.append(wake)
+            if not self._local:
+                await ready.wait()
+            while self._local:
+                yield self._local.popleft()
+
+    def observe(self, observer: object) -> threading.Thread:
+        """Call the observer's methods for every item, on one thread of ours, until closed.
+
+        on_message_sent(event), on_alarm_raised(event), on_alarm_cleared(event, removed), on_alarm_confirmed(event, removed),
+        on_alarm_disposed(event), on_notice(notice); any of them may be missing. `removed` says whether the alarm left the
+        list of active ones (bRemove).
+        """
+        thread = threading.Thread(target=self._observe, args=(observer,), name="observe", daemon=True)
+        thread.start()
+        self._threads.append(thread)
+        return thread
+
+    def _observe(self, observer: object) -> None:
+        for item in self:
+            dispatch(observer, item)
+
+    def wait_for_beat(self, session: str | None = None, *, count: int = 1, timeout_s: float = 10.0) -> bool:
+        """Wait until the promise holds: a beat of `session`, or of `count` sessions, has come; False when time is up."""
+        with self._work:
+            return self._beat_seen.wait_for(
+                lambda: self.tracker.started(session) if session is not None else len(self._started()) >= count,
+                timeout_s,
+            )
+
+    def _started(self) -> list[str]:
+        return [session for session in self._sessions if self.tracker.started(session)]
+
+    def wait_for_final(self, session: str, timeout_s: float = 10.0) -> bool:
+        """Wait until the session has said its last word and everything it named was dealt with; False when time is up."""
+        with self._work:
+            return self._beat_seen.wait_for(lambda: session in self._final, timeout_s)
+
+    def close(self, timeout_s: float = 2.0) -> bool:
+        """Stop listening; what is queued can still be read. False when a thread did not end in time."""
+        self._closed.set()
+        for watch in self._watches:
+            watch.close()
+        for receiver in (*self._receivers, *self._beats):
+            receiver.close()
+        with self._lock:
+            self._room.notify_all()
+            self._more.notify_all()
+            waiters, self._waiters = self._waiters, []
+        for wake in waiters:
+            with contextlib.suppress(RuntimeError):
+                wake()
+        deadline = time.monotonic() + timeout_s
+        for thread in self._threads:
+            if thread is not threading.current_thread() and thread.name != "observe":
+                thread.join(max(0.0, deadline - time.monotonic()))
+        with self._lock:
+            self._more.notify_all()
+        return not any(thread.is_alive() for thread in self._threads if thread.name != "observe")
+
+    def __enter__(self) -> "Listener":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+
+_METHODS: Final[dict[type[Item], str]] = {
+    MessageSent: "on_message_sent",
+    AlarmRaised: "on_alarm_raised",
+    AlarmCleared: "on_alarm_cleared",
+    AlarmConfirmed: "on_alarm_confirmed",
+    AlarmDisposed: "on_alarm_disposed",
+}
+
+
+def dispatch(observer: object, item: Item) -> None:
+    """Call the observer's method for one item, if it has one."""
+    method = getattr(observer, _METHODS.get(type(item), "on_notice"), None)
+    if method is None:
+        return
+    if isinstance(item, AlarmCleared | AlarmConfirmed):
+        method(item, not is_active(item))
+    else:
+        method(item)

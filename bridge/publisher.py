@@ -1,0 +1,391 @@
+"""Events out: number, encode, keep, hand to the bus.
+
+Rule 1: send() encodes once, numbers the event (seq of the session, key_seq of session and key) and returns; one thread of
+ours hands what is waiting to the bus, grouped by key, at most 256 events per put. A lone event goes at once.
+Rule 2: what was sent is kept in a ring (65,536 events or 32 MB) for those who missed it; they ask on @sent/{session}.
+Rule 3: when the queue is full, on_full decides: "drop" lets the oldest messages leave the queue (they stay in the ring and
+can be asked for) and refuses an alarm transition when only transitions are left; "wait" makes send() wait.
+Rule 4: a beat each second says how far every key has come, so that a lost tail is seen; the last one is final and says what
+could not be sent.
+"""
+
+import os
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from types import TracebackType
+from typing import Final, Literal, TypeAlias, TypeVar
+
+import msgspec
+
+from bridge.core import codec, keys
+from bridge.core.arguments import Argument, Value, guid
+from bridge.core.events import DEFAULT_LIMITS, AnyEvent, Limits, MessageSent, Severity, Source, check_limits
+from bridge.core.sequence import Beat, Missing
+from bridge.edges.bus import Bus, Question, Refusal, Reply, Sender
+
+_E = TypeVar("_E", bound=AnyEvent)
+OnFull: TypeAlias = Literal["drop", "wait"]
+PUT_EVENTS: Final = 256
+REPLY_EVENTS: Final = 1000
+BEAT_S: Final = 1.0
+BEAT_MEMORY_S: Final = 60.0
+
+
+class QueueFullError(RuntimeError):
+    """The queue holds only alarm transitions and takes no more; `waiting` of them wait for the bus."""
+
+    def __init__(self, waiting: int) -> None:
+        self.waiting = waiting
+        super().__init__(f"{waiting} alarm transitions wait for the bus, no room for another")
+
+
+class PublisherClosedError(RuntimeError):
+    """The publisher is closed."""
+
+
+class Counters(msgspec.Struct):
+    """What a publisher did. dropped events left the queue unsent but may still be asked for; unsent ones never left."""
+
+    sent: int = 0
+    puts: int = 0
+    dropped: int = 0
+    unsent: int = 0
+    repaired: int = 0
+
+
+class _Key:
+    """What is known of one key: its number, what waits, who carries it."""
+
+    __slots__ = ("changed", "is_alarm", "key", "put_key_seq", "put_seq", "sender", "sent_key_seq", "used_s", "waiting")
+
+    def __init__(self, key: str, is_alarm: bool) -> None:
+        self.key = key
+        self.is_alarm = is_alarm
+        self.sender: Sender | None = None
+        self.sent_key_seq = 0
+        self.put_key_seq = 0
+        self.put_seq = 0
+        self.used_s = 0.0
+        self.waiting: deque[tuple[int, int, bytes]] = deque()
+        self.changed = False
+
+
+class _Kept:
+    """The ring: the last events as they were encoded."""
+
+    def __init__(self, events: int, size: int) -> None:
+        self._events = events
+        self._size = size
+        self._bytes = 0
+        self._ring: deque[tuple[str, int, int, bytes]] = deque()
+        self.evicted_seq = 0
+
+    def add(self, key: str, seq: int, key_seq: int, element: bytes) -> None:
+        ring = self._ring
+        ring.append((key, seq, key_seq, element))
+        self._bytes += len(element)
+        while len(ring) > self._events or self._bytes > self._size:
+            _, self.evicted_seq, _, old = ring.popleft()
+            self._bytes -= len(old)
+
+    def find(self, missing: Missing) -> list[bytes]:
+        return [
+            element
+            for key, seq, key_seq, element in self._ring
+            if key == missing.key and missing.first <= key_seq <= missing.last and seq > missing.after_seq
+        ]
+
+
+class Publisher:
+    """Sends events under a target, with or without a logger running. A context manager."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        target: str,
+        *,
+        realm: str = keys.LIVE,
+        role: str = "publisher",
+        encoding: codec.Encoding = codec.JSON,
+        limits: Limits = DEFAULT_LIMITS,
+        object_id: int | None = None,
+        on_full: OnFull = "drop",
+        queue_events: int = 65536,
+        ring_events: int = 65536,
+        ring_bytes: int = 32_000_000,
+        clock: Callable[[], int] = time.time_ns,
+    ) -> None:
+        """object_id is the source id of events without a source (TcCOM); clock gives Unix ns for events without a time."""
+        self.bus, self.target, self.realm, self.role = bus, target, realm, role
+        self.session = os.urandom(8).hex()
+        self.counters = Counters()
+        self._encoding, self._limits, self._object_id = encoding, limits, object_id
+        self._on_full, self._queue_events, self._clock = on_full, queue_events, clock
+        self._keys: dict[tuple[str, bool, Severity], _Key] = {}
+        self._kept = _Kept(ring_events, ring_bytes)
+        self._seq = 0
+        self._put_seq = 0
+        self._waiting = 0
+        self._changed: deque[_Key] = deque()
+        self._messages: deque[tuple[int, _Key]] = deque()
+        self._lock = threading.Lock()
+        self._more = threading.Condition(self._lock)
+        self._room = threading.Condition(self._lock)
+        self._idle = True
+        self._closing = False
+        self._deadline_s = 0.0
+        self._beat_due = True
+        self._beats = bus.sender(keys.verb_key(realm, target, "@beat", self.session), codec.JSON)
+        self._beats.on_matched(self._beat_soon)
+        self._sent = bus.answer(keys.verb_key(realm, target, "@sent", self.session), self._answer)
+        self._alive = bus.alive(keys.verb_key(realm, target, "@alive", role, self.session))
+        self._thread = threading.Thread(target=self._run, name=f"publish {target}", daemon=True)
+        self._thread.start()
+
+    def send_message(
+        self,
+        event_class: str,
+        event_id: int,
+        severity: Severity,
+        *,
+        source: Source | None = None,
+        arguments: Iterable[Argument | Value] = (),
+        json_attribute: str = "",
+        time_ns: int = 0,
+        vendor_id: int | None = None,
+        product_code: int | None = None,
+        revision_no: int | None = None,
+    ) -> MessageSent:
+        """Send one message; returns it as numbered.
+
+        Without a source: the qualified name of the calling code and this publisher's object id (manual 5.8). time_ns 0 is now.
+        LimitError over a limit, ValueError for a class that is no GUID.
+        """
+        if source is None:
+            source = default_source(self._object_id, depth=2)
+        event = MessageSent(
+            target=self.target,
+            event_class=guid(event_class),
+            event_id=event_id,
+            severity=Severity(severity),
+            time_ns=time_ns or self._clock(),
+            source_id=source.id,
+            source_name=source.name,
+            source_guid=source.guid,
+            arguments=tuple([item if isinstance(item, Argument) else Argument.of(item) for item in arguments]),
+            json_attribute=json_attribute,
+            vendor_id=vendor_id,
+            product_code=product_code,
+            revision_no=revision_no,
+        )
+        return self.send(event)
+
+    def send(self, event: _E) -> _E:
+        """Number, encode, keep and queue one event; returns it as numbered. Its time, if not set, is now.
+
+        LimitError over a limit (nothing is numbered then), QueueFullError when only alarm transitions wait and there is no
+        room, PublisherClosedError after close().
+        """
+        check_limits(event, self._limits)
+        place = (event.event_class, event.is_alarm, event.severity)
+        with self._lock:
+            if self._closing:
+                raise PublisherClosedError(f"publisher {self.session} of {self.target} is closed")
+            state = self._keys.get(place)
+            if state is None:
+                if event.target != self.target:
+                    raise ValueError(f"event of target {event.target!r} sent under {self.target!r}")
+                state = self._keys[place] = _Key(keys.event_key(self.realm, event), event.is_alarm)
+            if self._waiting >= self._queue_events:
+                self._make_room()
+            seq, key_seq = self._seq + 1, state.sent_key_seq + 1
+            event = msgspec.structs.replace(
+                event, session=self.session, seq=seq, key_seq=key_seq, time_ns=event.time_ns or self._clock()
+            )
+            element = codec.encode(event, self._encoding)
+            self._seq, state.sent_key_seq = seq, key_seq
+            self._kept.add(state.key, seq, key_seq, element)
+            state.waiting.append((seq, key_seq, element))
+            if not state.is_alarm:
+                self._messages.append((seq, state))
+            self._waiting += 1
+            if not state.changed:
+                state.changed = True
+                self._changed.append(state)
+            if self._idle:
+                self._more.notify()
+        return event
+
+    def _make_room(self) -> None:
+        if self._on_full == "wait":
+            self._room.wait_for(lambda: self._waiting < self._queue_events or self._closing)
+            if self._closing:
+                raise PublisherClosedError(f"publisher {self.session} of {self.target} was closed while waiting")
+            return
+        while self._messages:
+            seq, state = self._messages.popleft()
+            if state.waiting and state.waiting[0][0] == seq:
+                state.waiting.popleft()
+                self._waiting -= 1
+                self.counters.dropped += 1
+                return
+        raise QueueFullError(self._waiting)
+
+    def _run(self) -> None:
+        next_beat_s = time.monotonic()
+        while True:
+            with self._lock:
+                self._idle = True
+                while not self._changed and not self._closing and not self._beat_due:
+                    left = next_beat_s - time.monotonic()
+                    if left <= 0 or not self._more.wait(left):
+                        break
+                self._idle = False
+                done = self._closing and (not self._changed or time.monotonic() >= self._deadline_s)
+                beat = self._beat_due or done or time.monotonic() >= next_beat_s
+                self._beat_due = False
+                batches = [] if beat else self._take()
+            if beat:
+                next_beat_s = time.monotonic() + BEAT_S
+                self._beat(final=done)
+            if done:
+                return
+            for state, batch in batches:
+                if state.sender is None:
+                    state.sender = self.bus.sender(state.key, self._encoding)
+                state.sender.put(codec.join([element for _, _, element in batch], self._encoding))
+                state.put_seq, state.put_key_seq = batch[-1][0], batch[-1][1]
+                state.used_s = time.monotonic()
+                self._put_seq = max(self._put_seq, state.put_seq)
+                self.counters.puts += 1
+                self.counters.sent += len(batch)
+
+    def _take(self) -> list[tuple[_Key, list[tuple[int, int, bytes]]]]:
+        """What waits, at most 256 events per key and put; called with the lock held."""
+        batches = []
+        taken = 0
+        for _ in range(len(self._changed)):
+            state = self._changed.popleft()
+            waiting = state.waiting
+            if len(waiting) <= PUT_EVENTS:
+                batch = list(waiting)
+                waiting.clear()
+                state.changed = False
+            else:
+                batch = [waiting.popleft() for _ in range(PUT_EVENTS)]
+                self._changed.append(state)
+            if batch:
+                batches.append((state, batch))
+                taken += len(batch)
+            if taken >= 16 * PUT_EVENTS:
+                break
+        was_full = self._waiting >= self._queue_events
+        self._waiting -= taken
+        if not self._waiting:
+            self._messages.clear()
+        elif len(self._messages) > 2 * self._queue_events:
+            self._messages = deque((seq, key) for seq, key in self._messages if key.waiting and seq >= key.waiting[0][0])
+        if was_full or self._on_full == "wait":
+            self._room.notify_all()
+        return batches
+
+    def _beat_soon(self) -> None:
+        with self._lock:
+            self._beat_due = True
+            self._more.notify()
+
+    def _beat(self, *, final: bool) -> None:
+        oldest_s = time.monotonic() - BEAT_MEMORY_S
+        with self._lock:
+            if final:
+                self.counters.unsent = self._waiting
+            numbers = {s.key: s.put_key_seq for s in self._keys.values() if s.put_key_seq and s.used_s >= oldest_s}
+            if final:
+                numbers = {s.key: s.sent_key_seq for s in self._keys.values() if s.used_s >= oldest_s or s.waiting}
+        beat = Beat(
+            target=self.target,
+            session=self.session,
+            role=self.role,
+            seq=self._seq if final else self._put_seq,
+            keys=numbers,
+            final=final,
+            unsent=self.counters.unsent,
+        )
+        self._beats.put(msgspec.json.encode(beat))
+
+    def _answer(self, question: Question) -> Iterator[Reply | Refusal]:
+        try:
+            missing = msgspec.json.decode(question.payload, type=Missing)
+        except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+            yield Refusal(f"no range of missing events: {error}")
+            return
+        with self._lock:
+            found = self._kept.find(missing)
+            note = str(self._kept.evicted_seq).encode()
+        self.counters.repaired += len(found)
+        for start in range(0, max(len(found), 1), REPLY_EVENTS):
+            yield Reply(codec.join(found[start : start + REPLY_EVENTS], self._encoding), self._encoding, note)
+
+    @property
+    def seq(self) -> int:
+        """How many events were numbered so far."""
+        return self._seq
+
+    def flush(self, timeout_s: float = 10.0) -> bool:
+        """Wait until everything sent so far was handed to the bus; False when time was up."""
+        deadline = time.monotonic() + timeout_s
+        target = self._seq
+        pause = threading.Event()
+        while True:
+            with self._lock:
+                behind = any(s.waiting and s.waiting[0][0] <= target for s in self._keys.values())
+                if not behind and self.counters.sent + self.counters.dropped >= target:
+                    return True
+            if time.monotonic() > deadline or not self._thread.is_alive():
+                return False
+            pause.wait(0.001)
+
+    def wait_for_listener(self, timeout_s: float = 10.0) -> bool:
+        """Wait until somebody listens to this publisher's beats; False when nobody does in time."""
+        deadline = time.monotonic() + timeout_s
+        pause = threading.Event()
+        while not self._beats.is_matched():
+            if time.monotonic() > deadline:
+                return False
+            pause.wait(0.005)
+        return True
+
+    def close(self, timeout_s: float = 2.0) -> int:
+        """Send what waits, then a final beat; returns how many events could not be sent. Never hangs."""
+        with self._lock:
+            if not self._closing:
+                self._closing = True
+                self._deadline_s = time.monotonic() + timeout_s
+                self._more.notify_all()
+                self._room.notify_all()
+        self._thread.join(timeout_s + 1.5)
+        with self._lock:
+            self.counters.unsent = self._waiting
+        self._sent.close()
+        self._alive.close()
+        self._beats.close()
+        for state in self._keys.values():
+            if state.sender is not None:
+                state.sender.close()
+        return self.counters.unsent
+
+    def __enter__(self) -> "Publisher":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+
+def default_source(object_id: int | None, *, depth: int) -> Source:
+    """The source of events without one: the qualified name of the code `depth` frames up, and the object id."""
+    frame = sys._getframe(depth)
+    module = frame.f_globals.get("__name__", "")
+    return Source(object_id, f"{module}.{frame.f_code.co_qualname}"[: DEFAULT_LIMITS.source_name_chars])
