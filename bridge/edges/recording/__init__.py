@@ -1,0 +1,59 @@
+"""Recordings: MCAP files of events, gaps, rejected payloads and keyframes. The only package that imports mcap."""
+
+from bridge.edges.recording.frames import Damage
+from bridge.edges.recording.info import ChannelInfo, RecordingInfo, scan, summary
+from bridge.edges.recording.layout import (
+    ACTIVE_SUFFIX,
+    About,
+    Attachment,
+    Completeness,
+    Compression,
+    EventChannel,
+    Gap,
+    RecordingError,
+    RejectedPayload,
+    StateFrame,
+)
+from bridge.edges.recording.reader import (
+    Recorded,
+    RecordedEvent,
+    RecordedGap,
+    RecordedRejected,
+    RecordedState,
+    RecordingReader,
+    read_events,
+)
+from bridge.edges.recording.recovery import Recovered, leftovers, recover
+from bridge.edges.recording.tally import EventCount, Totals
+from bridge.edges.recording.writer import RecordingWriter
+
+__all__ = [
+    "ACTIVE_SUFFIX",
+    "About",
+    "Attachment",
+    "ChannelInfo",
+    "Completeness",
+    "Compression",
+    "Damage",
+    "EventChannel",
+    "EventCount",
+    "Gap",
+    "Recorded",
+    "RecordedEvent",
+    "RecordedGap",
+    "RecordedRejected",
+    "RecordedState",
+    "RecordingError",
+    "RecordingInfo",
+    "RecordingReader",
+    "RecordingWriter",
+    "Recovered",
+    "RejectedPayload",
+    "StateFrame",
+    "Totals",
+    "leftovers",
+    "read_events",
+    "recover",
+    "scan",
+    "summary",
+]

@@ -1,0 +1,375 @@
+"""The records of an MCAP file, one after the other, up to the first that is damaged.
+
+Rule 1: what is yielded is an exact prefix of what was written. A chunk counts whole, with its CRC right, or not at all.
+Rule 2: at the first fault reading stops and `damage` says where and why. It never skips a fault to find more behind it.
+Rule 3: in files of our own writer only records that writer makes are accepted, spelled as it spells them, because MCAP
+itself tells readers to skip what they do not know: one flipped bit in an opcode or a length would hide a chunk of events.
+Rule 4: sizes are checked against the file and MAX_CHUNK_BYTES before memory is asked for.
+
+mcap's own indexed reader gives nothing at all on a file that was cut, and its stream reader skips unknown records; hence this.
+"""
+
+import os
+import struct
+import zlib
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, Final, NamedTuple, Self
+
+import lz4.frame  # type: ignore[import-untyped]
+import msgspec
+import zstandard
+from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Footer, Header, McapRecord, Metadata, Schema
+
+from bridge.edges.recording.layout import MAX_CHUNK_BYTES, PROFILE, RecordingError
+
+MAGIC: Final = b"\x89MCAP0\r\n"
+OWN_LIBRARY: Final = "tcbridge/"
+_HEAD: Final = struct.Struct("<BQ")
+_CHUNK: Final = struct.Struct("<QQQII")
+_MESSAGE: Final = struct.Struct("<HIQQ")
+_U32: Final = struct.Struct("<I")
+_U64: Final = struct.Struct("<Q")
+_FOOTER_BYTES: Final = _HEAD.size + 20
+_HOSTILE: Final = (McapError, struct.error, UnicodeDecodeError)
+_OWN_RECORDS: Final = (Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT, Opcode.METADATA)
+_CARRIES_EVENTS: Final = (Opcode.CHUNK, Opcode.MESSAGE, Opcode.CHANNEL, Opcode.SCHEMA)
+
+
+class Damage(msgspec.Struct, frozen=True):
+    """Where reading ended before the end, and why.
+
+    torn: the file merely stops (not finished, killed, cut); else what is there is wrong.
+    """
+
+    offset: int
+    reason: str
+    torn: bool
+
+
+class RawMessage(NamedTuple):
+    """A message as MCAP has it."""
+
+    log_time: int
+    publish_time: int
+    sequence: int
+    channel_id: int
+    data: bytes
+
+
+class AttachmentPlace(NamedTuple):
+    """An attachment that was passed: what it is called and where it stands."""
+
+    offset: int
+    name: str
+    size: int
+
+
+class _Damaged(ValueError):
+    def __init__(self, offset: int, reason: str, torn: bool = False) -> None:
+        self.damage = Damage(offset, reason, torn)
+        super().__init__(reason)
+
+
+def _name(opcode: int) -> str:
+    try:
+        return Opcode(opcode).name.lower().replace("_", " ")
+    except ValueError:
+        return f"unknown (opcode {opcode})"
+
+
+def _spelled(record: McapRecord, body: bytes) -> bool:
+    builder = RecordBuilder()
+    record.write(builder)
+    spelled: bytes = builder.end()  # type: ignore[no-untyped-call]
+    return spelled[_HEAD.size :] == body
+
+
+def _unpacked(compression: bytes, data: bytes, size: int) -> bytes:
+    """The chunk's data, at most one byte more than `size`. ValueError when it does not unpack."""
+    try:
+        match compression:
+            case b"":
+                return data
+            case b"zstd":
+                decompressor = zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK_BYTES)
+                with decompressor.stream_reader(data) as stream:
+                    return stream.read(size + 1)
+            case b"lz4":
+                return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1))
+    except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError) as error:
+        raise ValueError(f"does not unpack: {error}") from None
+    raise ValueError(f"compression {compression!r} is not known")
+
+
+def chunk_data(body: bytes, strict: bool) -> bytes:
+    """The records inside a chunk record. ValueError says what is wrong with it."""
+    try:
+        _, _, size, crc, name_size = _CHUNK.unpack_from(body)
+        place = _CHUNK.size + name_size
+        (packed_size,) = _U64.unpack_from(body, place)
+    except struct.error:
+        raise ValueError("is shorter than its head") from None
+    packed = body[place + 8 : place + 8 + packed_size]
+    if len(packed) != packed_size or (strict and place + 8 + packed_size != len(body)):
+        raise ValueError("has a length that disagrees with its content")
+    if size > MAX_CHUNK_BYTES:
+        raise ValueError(f"claims {size} bytes, more than the {MAX_CHUNK_BYTES} that are read")
+    data = _unpacked(body[_CHUNK.size : place], packed, size)
+    if len(data) != size:
+        raise ValueError("unpacks to another size than it says")
+    if (crc or strict) and zlib.crc32(data) != crc:
+        raise ValueError("has a wrong CRC")
+    return data
+
+
+class Frames:
+    """The records of one file. RecordingError when it cannot be opened or is no MCAP file; a context manager.
+
+    While reading goes on, channels, schemas, metadata and attachments fill up, and `record` counts, from 0, the records that
+    chunk_starts() tells of; at its end `damage` is None only when the
+    file was finished, every CRC in it is right, and nothing follows.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = Path(path)
+        self.damage: Damage | None = None
+        self.end = len(MAGIC)
+        self.strict = True
+        self.record = -1
+        self.profile = self.library = ""
+        self.channels: dict[int, Channel] = {}
+        self.schemas: dict[int, Schema] = {}
+        self.metadata: list[tuple[str, dict[str, str]]] = []
+        self.attachments: list[AttachmentPlace] = []
+        self._crc: int | None = zlib.crc32(MAGIC)
+        self._known_size = 0
+        try:
+            self._file: BinaryIO = open(self.path, "rb")  # noqa: SIM115 - closed by close()
+        except OSError as error:
+            raise RecordingError(path, error.strerror or str(error)) from error
+        magic = self._read(len(MAGIC))
+        if magic != MAGIC:
+            self.close()
+            what = "is empty" if not magic else "is no MCAP file: it does not start with MCAP's eight bytes"
+            raise RecordingError(path, what)
+        try:
+            self._header()
+        except _Damaged as error:
+            self.damage = error.damage
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file; more than once is fine."""
+        self._file.close()
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file now: one that is being written grows."""
+        self._known_size = os.fstat(self._file.fileno()).st_size
+        return self._known_size
+
+    def messages(self) -> Iterator[RawMessage]:
+        """All messages in file order, once. A message whose channel was not announced is damage."""
+        if self.damage is not None:
+            return
+        try:
+            for opcode, offset, body in self._data_section():
+                try:
+                    yield from self._messages_of(opcode, offset, body)
+                except _HOSTILE as error:
+                    raise _Damaged(offset, f"{_name(opcode)} record: {error or type(error).__name__}") from None
+        except _Damaged as error:
+            self.damage = error.damage
+
+    def chunk_starts(self) -> list[int]:
+        """The earliest log time of each record that holds messages, in file order; from the heads only, before messages()."""
+        starts = []
+        offset = self.end
+        size = self.size
+        while offset + _HEAD.size <= size:
+            self._file.seek(offset)
+            opcode, length = _HEAD.unpack(self._read(_HEAD.size))
+            if opcode in (0, Opcode.DATA_END) or (length > MAX_CHUNK_BYTES and opcode in _CARRIES_EVENTS):
+                break
+            if opcode in (Opcode.CHUNK, Opcode.MESSAGE):
+                head = self._read(16)
+                if len(head) < 16:
+                    break
+                starts.append(_U64.unpack_from(head, 6 if opcode == Opcode.MESSAGE else 0)[0])
+            offset += _HEAD.size + length
+        self._file.seek(self.end)
+        return starts
+
+    def attachment(self, place: AttachmentPlace) -> Attachment:
+        """An attachment that was passed. Call it when reading is over."""
+        self._file.seek(place.offset + _HEAD.size)
+        attachment: Attachment = Attachment.read(ReadDataStream(self._file))
+        return attachment
+
+    def _read(self, size: int) -> bytes:
+        try:
+            return self._file.read(size)
+        except OSError as error:
+            raise RecordingError(self.path, error.strerror or str(error)) from error
+
+    def _next(self, offset: int) -> tuple[int, bytes, bytes]:
+        """Opcode, head and body of the next record. Large records of no interest are passed over (foreign files only)."""
+        head = self._read(_HEAD.size)
+        if len(head) < _HEAD.size:
+            raise _Damaged(offset, "the file ends without its footer", torn=True)
+        opcode, length = _HEAD.unpack(head)
+        if not opcode:
+            raise _Damaged(offset, "zeros where a record should stand")
+        if offset + _HEAD.size + length > self._known_size and offset + _HEAD.size + length > self.size:
+            raise _Damaged(offset, f"the file ends inside a {_name(opcode)} record", torn=True)
+        if length > MAX_CHUNK_BYTES:
+            if self.strict or opcode in _CARRIES_EVENTS:
+                raise _Damaged(offset, f"{_name(opcode)} record of {length} bytes, more than are read")
+            self._file.seek(length, os.SEEK_CUR)
+            self._crc = None
+            self.end = offset + _HEAD.size + length
+            return self._next(self.end)
+        body = self._read(length)
+        if len(body) < length:
+            raise _Damaged(offset, f"the file ends inside a {_name(opcode)} record", torn=True)
+        return opcode, head, body
+
+    def _taken(self, head: bytes, body: bytes) -> None:
+        self.end += len(head) + len(body)
+        if self._crc is not None:
+            self._crc = zlib.crc32(body, zlib.crc32(head, self._crc))
+
+    def _header(self) -> None:
+        opcode, head, body = self._next(self.end)
+        if opcode != Opcode.HEADER:
+            raise _Damaged(self.end, f"{_name(opcode)} record where the header should stand")
+        try:
+            header = Header.read(ReadDataStream(BytesIO(body)))
+        except _HOSTILE as error:
+            raise _Damaged(self.end, f"header record: {error or type(error).__name__}") from None
+        self.profile, self.library = header.profile, header.library
+        self.strict = header.profile == PROFILE and header.library.startswith(OWN_LIBRARY)
+        self._taken(head, body)
+
+    def _data_section(self) -> Iterator[tuple[int, int, bytes]]:
+        while True:
+            opcode, head, body = self._next(self.end)
+            offset = self.end
+            if opcode in (Opcode.DATA_END, Opcode.FOOTER):
+                self._check_end(opcode, offset, head + body)
+                return
+            if self.strict:
+                self._check_own(opcode, offset, body)
+            if opcode in (Opcode.CHUNK, Opcode.MESSAGE):
+                self.record += 1
+            yield opcode, offset, body
+            self._taken(head, body)
+
+    def _check_own(self, opcode: int, offset: int, body: bytes) -> None:
+        if opcode not in _OWN_RECORDS:
+            raise _Damaged(offset, f"{_name(opcode)} record where none is written")
+        try:
+            match opcode:
+                case Opcode.MESSAGE_INDEX:
+                    right = _U32.unpack_from(body, 2)[0] == len(body) - 6
+                case Opcode.ATTACHMENT:
+                    right = _spelled(Attachment.read(ReadDataStream(BytesIO(body))), body)
+                case Opcode.METADATA:
+                    right = _spelled(Metadata.read(ReadDataStream(BytesIO(body))), body)
+                case _:
+                    right = True
+        except _HOSTILE:
+            right = False
+        if not right:
+            raise _Damaged(offset, f"{_name(opcode)} record is damaged")
+
+    def _messages_of(self, opcode: int, offset: int, body: bytes) -> Iterator[RawMessage]:
+        match opcode:
+            case Opcode.CHUNK:
+                try:
+                    data = chunk_data(body, self.strict)
+                except ValueError as error:
+                    raise _Damaged(offset, f"chunk {error}") from None
+                yield from self._in_chunk(offset, data)
+            case Opcode.METADATA:
+                metadata = Metadata.read(ReadDataStream(BytesIO(body)))
+                self.metadata.append((metadata.name, metadata.metadata))
+            case Opcode.ATTACHMENT:
+                attachment = Attachment.read(ReadDataStream(BytesIO(body)))
+                self.attachments.append(AttachmentPlace(offset, attachment.name, len(attachment.data)))
+            case Opcode.MESSAGE | Opcode.CHANNEL | Opcode.SCHEMA:
+                yield from self._in_chunk(offset, _HEAD.pack(opcode, len(body)) + body)
+
+    def _in_chunk(self, offset: int, data: bytes) -> Iterator[RawMessage]:
+        place, end = 0, len(data)
+        channels = self.channels
+        head, message = _HEAD.unpack_from, _MESSAGE.unpack_from
+        while place < end:
+            opcode, length = head(data, place)
+            place += 9
+            stop = place + length
+            if stop > end:
+                raise _Damaged(offset, f"chunk ends inside a {_name(opcode)} record")
+            if opcode == Opcode.MESSAGE:
+                channel_id, sequence, log_time, publish_time = message(data, place)
+                if channel_id not in channels:
+                    raise _Damaged(offset, f"message of channel {channel_id}, which was not announced")
+                yield RawMessage(log_time, publish_time, sequence, channel_id, data[place + 22 : stop])
+            elif not opcode:
+                raise _Damaged(offset, "zeros in a chunk where a record should stand")
+            elif opcode == Opcode.CHANNEL:
+                channel = Channel.read(ReadDataStream(BytesIO(data[place:stop])))
+                channels[channel.id] = channel
+            elif opcode == Opcode.SCHEMA:
+                schema = Schema.read(ReadDataStream(BytesIO(data[place:stop])))
+                self.schemas[schema.id] = schema
+            place = stop
+
+    def _check_end(self, opcode: int, offset: int, record: bytes) -> None:
+        if opcode == Opcode.DATA_END:
+            if len(record) != _HEAD.size + 4:
+                raise _Damaged(offset, "data end record is damaged")
+            (crc,) = _U32.unpack_from(record, _HEAD.size)
+            if crc and self._crc is not None and crc != self._crc:
+                raise _Damaged(offset, "the data before it has another CRC than the data end record says")
+            if self.strict and not crc:
+                raise _Damaged(offset, "data end record is damaged")
+            start, record = offset + len(record), b""
+        else:
+            start = offset
+        rest = self.size - start
+        if rest > MAX_CHUNK_BYTES:
+            raise _Damaged(start, "the summary is larger than is read")
+        fault = summary_fault(record + self._read(rest - len(record)), start)
+        if fault:
+            raise _Damaged(start, fault, torn=fault == UNFINISHED)
+
+
+UNFINISHED: Final = "the file ends inside its summary"
+
+
+def summary_fault(data: bytes, start: int) -> str:
+    """What is wrong with the bytes from the summary's first to the file's last; "" when nothing is."""
+    if len(data) < _FOOTER_BYTES + len(MAGIC) or data[-len(MAGIC) :] != MAGIC:
+        return UNFINISHED
+    place = len(data) - len(MAGIC) - _FOOTER_BYTES
+    opcode, length = _HEAD.unpack_from(data, place)
+    if opcode != Opcode.FOOTER or length != _FOOTER_BYTES - _HEAD.size:
+        return "the footer is damaged"
+    footer = Footer.read(ReadDataStream(BytesIO(data[place + _HEAD.size :])))
+    if footer.summary_start not in (0, start):
+        return "the footer points elsewhere"
+    if footer.summary_crc and zlib.crc32(data[: len(data) - len(MAGIC) - 4]) != footer.summary_crc:
+        return "the summary has a wrong CRC"
+    return ""

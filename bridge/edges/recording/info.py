@@ -1,0 +1,172 @@
+"""What a recording holds: from its summary when that is whole, else by reading all of it.
+
+Rule 1: the summary is believed only when the footer, its CRC and the CRC of the counts are right.
+Rule 2: a file that was not finished, or is damaged, is never "complete": a torn one has an unknown tail, one with wrong
+bytes inside is not complete.
+"""
+
+import os
+from io import BytesIO
+from typing import BinaryIO, Final
+
+import msgspec
+from mcap.exceptions import McapError
+from mcap.records import AttachmentIndex, Channel, Metadata, MetadataIndex, Statistics
+from mcap.stream_reader import StreamReader
+
+from bridge.core.events import DEFAULT_LIMITS, Limits
+from bridge.edges.recording.frames import MAGIC, Damage, Frames, summary_fault
+from bridge.edges.recording.layout import (
+    ABOUT_METADATA,
+    MAX_CHUNK_BYTES,
+    SUMMARY_METADATA,
+    About,
+    Completeness,
+    EventChannel,
+    RecordingError,
+    event_channel,
+)
+from bridge.edges.recording.reader import Interpretation
+from bridge.edges.recording.tally import Tally, Totals
+
+_FOOTER_AND_MAGIC: Final = 9 + 20 + 8
+_HOSTILE: Final = (McapError, ValueError, OSError)
+
+
+class ChannelInfo(msgspec.Struct, frozen=True):
+    """One channel; `place` is None for those that do not carry events."""
+
+    topic: str
+    message_encoding: str
+    messages: int
+    place: EventChannel | None
+
+
+class RecordingInfo(msgspec.Struct, frozen=True, kw_only=True):
+    """What `tcbridge info` tells. from_summary: only the file's head and end were read."""
+
+    path: str
+    size_bytes: int
+    about: About
+    totals: Totals
+    complete: Completeness
+    damage: Damage | None
+    channels: tuple[ChannelInfo, ...]
+    attachments: tuple[str, ...]
+    from_summary: bool
+
+    @property
+    def truncated(self) -> bool:
+        """Whether the file ends before its end."""
+        return self.damage is not None
+
+
+def summary(path: str | os.PathLike[str], *, limits: Limits = DEFAULT_LIMITS) -> RecordingInfo:
+    """What the recording holds; a file of any size is told in milliseconds when it was finished.
+
+    RecordingError when it cannot be opened or is no MCAP file.
+    """
+    try:
+        return _from_summary(path) or scan(path, limits=limits)
+    except RecordingError:
+        raise
+    except OSError as error:
+        raise RecordingError(path, error.strerror or str(error)) from error
+
+
+def scan(path: str | os.PathLike[str], *, limits: Limits = DEFAULT_LIMITS) -> RecordingInfo:
+    """The same, by reading and decoding everything."""
+    tally = Tally()
+    messages: dict[int, int] = {}
+    with Frames(path) as frames:
+        interpret = Interpretation(frames, limits, tally)
+        for raw in frames.messages():
+            messages[raw.channel_id] = messages.get(raw.channel_id, 0) + 1
+            interpret(raw)
+        metadata = dict(frames.metadata)
+        written = Totals.of(metadata.get(SUMMARY_METADATA, {}))
+        totals = tally.totals(written.unknown_tails if written is not None else ("*",))
+        complete: Completeness = totals.complete
+        if frames.damage is not None and complete == "yes":
+            complete = "tail unknown"
+        if frames.damage is not None and not frames.damage.torn:
+            complete = "no"
+        return RecordingInfo(
+            path=os.fspath(path),
+            size_bytes=frames.size,
+            about=About.of(metadata.get(ABOUT_METADATA, {})),
+            totals=totals,
+            complete=complete,
+            damage=frames.damage,
+            channels=_channels(frames.channels, messages),
+            attachments=tuple(place.name for place in frames.attachments),
+            from_summary=False,
+        )
+
+
+def _channels(channels: dict[int, Channel], messages: dict[int, int]) -> tuple[ChannelInfo, ...]:
+    infos = []
+    for channel in channels.values():
+        place = event_channel(channel.message_encoding, channel.metadata)
+        infos.append(ChannelInfo(channel.topic, channel.message_encoding, messages.get(channel.id, 0), place))
+    return tuple(infos)
+
+
+def _from_summary(path: str | os.PathLike[str]) -> RecordingInfo | None:
+    with Frames(path) as frames, open(path, "rb") as file:
+        if not frames.strict or frames.damage is not None:
+            return None  # another tool wrote or changed it: its messages may not be those of the summary
+        try:
+            return _told(os.fspath(path), file, frames.size)
+        except _HOSTILE:
+            return None
+
+
+def _told(path: str, file: BinaryIO, size: int) -> RecordingInfo | None:
+    file.seek(max(0, size - _FOOTER_AND_MAGIC))
+    start = int.from_bytes(file.read(_FOOTER_AND_MAGIC)[9:17], "little")
+    if not len(MAGIC) < start < size or size - start > MAX_CHUNK_BYTES:
+        return None
+    file.seek(start)
+    data = file.read(size - start)
+    if summary_fault(data, start):
+        return None
+    channels: dict[int, Channel] = {}
+    counts: dict[int, int] = {}
+    attachments: list[str] = []
+    places: dict[str, int] = {}
+    for record in StreamReader(BytesIO(data), skip_magic=True, record_size_limit=len(data)).records:
+        match record:
+            case Channel():
+                channels[record.id] = record
+            case Statistics():
+                counts = record.channel_message_counts
+            case AttachmentIndex():
+                attachments.append(record.name)
+            case MetadataIndex():
+                places[record.name] = record.offset
+            case _:
+                pass
+    infos = _channels(channels, counts)
+    totals = Totals.of(_metadata(file, places.get(SUMMARY_METADATA)))
+    if totals is None or totals.events != sum(info.messages for info in infos if info.place is not None):
+        return None
+    return RecordingInfo(
+        path=path,
+        size_bytes=size,
+        about=About.of(_metadata(file, places.get(ABOUT_METADATA))),
+        totals=totals,
+        complete=totals.complete,
+        damage=None,
+        channels=infos,
+        attachments=tuple(attachments),
+        from_summary=True,
+    )
+
+
+def _metadata(file: BinaryIO, offset: int | None) -> dict[str, str]:
+    if offset is None:
+        return {}
+    file.seek(offset)
+    record = next(StreamReader(file, skip_magic=True, record_size_limit=MAX_CHUNK_BYTES).records)
+    return record.metadata if isinstance(record, Metadata) else {}

@@ -1,0 +1,312 @@
+"""What was recorded: events, gaps, rejected payloads and keyframes in the order (log_time, place in the file).
+
+Rule 1: an unfinished, cut or damaged file gives an exact prefix, and `truncated` says so once it has been read to its end.
+Rule 2: nothing that was recorded is passed over in silence: an element that is no event comes out as RecordedRejected.
+Only channels of other programs are skipped.
+Rule 3: memory is bounded. Our own files are in log order (checked while reading); a file another tool wrote is sorted as
+far as its chunks overlap, and refused when that takes more than SORT_BYTES.
+"""
+
+import heapq
+import os
+from collections.abc import Callable, Generator, Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self, TypeAlias, assert_never
+
+import msgspec
+from mcap.records import Channel
+
+from bridge.core import codec
+from bridge.core.events import DEFAULT_LIMITS, AnyEvent, Limits
+from bridge.core.keys import EventKey, event_key
+from bridge.edges.recording.frames import Damage, Frames, RawMessage
+from bridge.edges.recording.layout import (
+    ABOUT_METADATA,
+    GAPS_TOPIC,
+    REJECTED_TOPIC,
+    STATE_TOPIC,
+    About,
+    EventChannel,
+    Gap,
+    RecordingError,
+    RejectedPayload,
+    StateFrame,
+    StatePart,
+    event_channel,
+)
+from bridge.edges.recording.tally import Tally
+
+SORT_BYTES: Final = 128 << 20
+_MESSAGE_COST: Final = 250
+_LATEST: Final = 2**64
+_HOSTILE: Final = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
+
+
+class RecordedEvent(msgspec.Struct, frozen=True, gc=False):
+    """One event: the bytes that were on the wire, and what they say."""
+
+    log_time_ns: int
+    publish_time_ns: int
+    realm: str
+    encoding: str
+    element: bytes
+    event: AnyEvent
+
+    @property
+    def key(self) -> EventKey:
+        """The parts of the key it came on."""
+        event = self.event
+        return EventKey(self.realm, event.target, event.event_class, event.is_alarm, event.severity)
+
+    @property
+    def key_text(self) -> str:
+        """The key it came on."""
+        return event_key(self.realm, self.event)
+
+
+class RecordedGap(msgspec.Struct, frozen=True):
+    """Here something is missing."""
+
+    log_time_ns: int
+    gap: Gap
+
+
+class RecordedRejected(msgspec.Struct, frozen=True):
+    """Here came something that could not be decoded, or can no longer be."""
+
+    log_time_ns: int
+    rejected: RejectedPayload
+
+
+class RecordedState(msgspec.Struct, frozen=True):
+    """A keyframe: all alarms of a logger."""
+
+    log_time_ns: int
+    state: StateFrame
+
+
+Recorded: TypeAlias = RecordedEvent | RecordedGap | RecordedRejected | RecordedState
+Interpreter: TypeAlias = Callable[[RawMessage], Recorded | None]
+
+
+def _rejection(key: str, encoding: str, raw: RawMessage, reason: str) -> RecordedRejected:
+    body = RejectedPayload(key=key, encoding=encoding, payload=raw.data, size=len(raw.data), reason=reason)
+    return RecordedRejected(raw.log_time, body)
+
+
+def _events(channel: EventChannel, limits: Limits, tally: Tally | None) -> Interpreter:
+    realm, target, event_class, encoding = channel.realm, channel.target, channel.event_class, channel.encoding
+    key = channel.metadata()["key"]
+    decode = codec.decode_one
+    counts = tally.channel(channel) if tally is not None else None
+
+    def interpret(raw: RawMessage) -> Recorded:
+        try:
+            event = decode(raw.data, encoding, limits)
+        except codec.CodecError as error:
+            return _rejection(key, encoding, raw, error.reason)
+        if event.target != target or event.event_class != event_class:
+            return _rejection(key, encoding, raw, "target or event_class disagrees with the channel")
+        if counts is not None:
+            counts.add(event)
+        return RecordedEvent(raw.log_time, raw.publish_time, realm, encoding, raw.data, event)
+
+    return interpret
+
+
+def _gaps(raw: RawMessage) -> Recorded:
+    return RecordedGap(raw.log_time, msgspec.json.decode(raw.data, type=Gap))
+
+
+def _rejected(raw: RawMessage) -> Recorded:
+    return RecordedRejected(raw.log_time, msgspec.json.decode(raw.data, type=RejectedPayload))
+
+
+def _states() -> Interpreter:
+    """Joins the parts of a keyframe; one whose parts do not follow each other is dropped."""
+    parts: list[StatePart] = []
+
+    def interpret(raw: RawMessage) -> Recorded | None:
+        part = msgspec.json.decode(raw.data, type=StatePart)
+        if part.part == 1:
+            parts.clear()
+        elif not parts or (part.part, part.parts) != (parts[-1].part + 1, parts[-1].parts):
+            parts.clear()
+            return None
+        parts.append(part)
+        if part.part < part.parts:
+            return None
+        alarms = tuple(alarm for piece in parts for alarm in piece.alarms)
+        parts.clear()
+        state = StateFrame(realm=part.realm, target=part.target, session=part.session, seq=part.seq, alarms=alarms)
+        return RecordedState(raw.log_time, state)
+
+    return interpret
+
+
+class Interpretation:
+    """What the messages of a file mean, channel by channel; with a tally it counts what it finds."""
+
+    def __init__(self, frames: Frames, limits: Limits = DEFAULT_LIMITS, tally: Tally | None = None) -> None:
+        self._frames, self._limits, self._tally = frames, limits, tally
+        self._known: dict[int, tuple[Channel, Interpreter | None]] = {}
+        self._topics: dict[str, Interpreter] = {GAPS_TOPIC: _gaps, REJECTED_TOPIC: _rejected, STATE_TOPIC: _states()}
+
+    def __call__(self, raw: RawMessage) -> Recorded | None:
+        """What the message means; None for another program's, and for all but the last part of a keyframe."""
+        channel = self._frames.channels[raw.channel_id]
+        known = self._known.get(raw.channel_id)
+        if known is None or known[0] is not channel:
+            known = self._known[raw.channel_id] = (channel, self._interpreter(channel))
+        interpret = known[1]
+        if interpret is None:
+            return None
+        try:
+            item = interpret(raw)
+        except _HOSTILE as error:
+            item = _rejection(channel.topic, channel.message_encoding, raw, str(error))
+        if self._tally is not None and item is not None:
+            _count(self._tally, item)
+        return item
+
+    def _interpreter(self, channel: Channel) -> Interpreter | None:
+        if channel.message_encoding == "json" and channel.topic in self._topics:
+            return self._topics[channel.topic]
+        place = event_channel(channel.message_encoding, channel.metadata)
+        return None if place is None else _events(place, self._limits, self._tally)
+
+
+def _count(tally: Tally, item: Recorded) -> None:
+    tally.time(item.log_time_ns)
+    match item:
+        case RecordedEvent():
+            tally.event_time(item.event.time_ns)
+        case RecordedGap():
+            tally.gap(item.gap)
+        case RecordedRejected():
+            tally.rejected += 1
+        case RecordedState():
+            tally.states += 1
+        case _:
+            assert_never(item)
+
+
+class RecordingReader:
+    """An iterator over a recording, and a context manager. It closes the file at the end of the iteration.
+
+    RecordingError when the file cannot be opened or is no MCAP file. limits are those the recorder was told.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], *, limits: Limits = DEFAULT_LIMITS) -> None:
+        self._frames = Frames(path)
+        self._interpret = Interpretation(self._frames, limits)
+        self._items = self._read()
+
+    def __iter__(self) -> Iterator[Recorded]:
+        return self
+
+    def __next__(self) -> Recorded:
+        return next(self._items)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file; the iteration ends."""
+        self._items.close()
+        self._frames.close()
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self._frames.path
+
+    @property
+    def truncated(self) -> bool:
+        """Whether the file ended before its end; known when the iteration is over."""
+        return self._frames.damage is not None
+
+    @property
+    def damage(self) -> Damage | None:
+        """Where and why the file ended before its end."""
+        return self._frames.damage
+
+    @property
+    def about(self) -> About:
+        """Who recorded what; known from the first item on."""
+        return About.of(dict(self._frames.metadata).get(ABOUT_METADATA, {}))
+
+    @property
+    def frames(self) -> Frames:
+        """The records underneath: channels, metadata and attachments passed so far."""
+        return self._frames
+
+    def _read(self) -> Generator[Recorded, None, None]:
+        interpret = self._interpret
+        try:
+            for raw in in_log_order(self._frames):
+                item = interpret(raw)
+                if item is not None:
+                    yield item
+        finally:
+            self._frames.close()
+
+
+def read_events(path: str | os.PathLike[str], *, limits: Limits = DEFAULT_LIMITS) -> RecordingReader:
+    """Read a recording: iterate it, then ask `truncated`. Use it in a `with` unless you iterate to the end."""
+    return RecordingReader(path, limits=limits)
+
+
+def in_log_order(frames: Frames) -> Iterator[RawMessage]:
+    """The messages by (log_time, place in the file).
+
+    RecordingError for a foreign file whose chunks overlap by more than SORT_BYTES, or that lies about their times.
+    """
+    if frames.strict:
+        return _checked(frames)
+    return _sorted(frames)
+
+
+def _checked(frames: Frames) -> Iterator[RawMessage]:
+    last = -1
+    for raw in frames.messages():
+        if raw.log_time <= last:
+            raise RecordingError(
+                frames.path, f"log time goes from {last} back to {raw.log_time} in a file that says it is ours"
+            )
+        last = raw.log_time
+        yield raw
+
+
+def _sorted(frames: Frames) -> Iterator[RawMessage]:
+    starts = frames.chunk_starts()
+    for place in range(len(starts) - 2, -1, -1):
+        starts[place] = min(starts[place], starts[place + 1])  # now: the earliest from this record on
+    waiting: list[tuple[int, int, RawMessage]] = []
+    held, record, last = 0, -1, -1
+
+    def released(until: int) -> Iterator[RawMessage]:
+        nonlocal held, last
+        while waiting and waiting[0][0] <= until:
+            raw = heapq.heappop(waiting)[2]
+            held -= len(raw.data) + _MESSAGE_COST
+            if raw.log_time < last:
+                raise RecordingError(
+                    frames.path, "a chunk holds messages earlier than it says; sort the file with an mcap tool"
+                )
+            last = raw.log_time
+            yield raw
+
+    for number, raw in enumerate(frames.messages()):
+        if frames.record != record:
+            record = frames.record
+            yield from released(starts[record] if record < len(starts) else -1)
+        held += len(raw.data) + _MESSAGE_COST
+        if held > SORT_BYTES:
+            raise RecordingError(frames.path, f"is not in log order and needs more than {SORT_BYTES >> 20} MiB to sort")
+        heapq.heappush(waiting, (raw.log_time, number, raw))
+    yield from released(_LATEST)

@@ -1,0 +1,159 @@
+"""What a recording holds, counted while it is written or read.
+
+Rule 1: writer and reader count with the same Tally, so that a summary from the file equals one from a scan.
+Rule 2: the counts travel as metadata texts with a CRC of their own: MCAP protects metadata only by the CRC of the whole
+file, and a summary is read without reading the whole file.
+Rule 3: complete says "yes" only when nothing is known to be missing and every tail is known.
+"""
+
+import zlib
+from typing import Final
+
+import msgspec
+
+from bridge.core.events import AnyEvent, Count
+from bridge.edges.recording.layout import Completeness, EventChannel, Gap
+
+GAPS_NAMED: Final = 100
+"""How many gaps a summary names; the rest is only counted."""
+
+
+class EventCount(msgspec.Struct, frozen=True, order=True):
+    """How many events of one kind, class and severity."""
+
+    realm: str
+    target: str
+    event_class: str
+    kind: str
+    severity: Count
+    count: Count
+
+
+class Totals(msgspec.Struct, frozen=True, kw_only=True):
+    """The counts of a recording. Times are Unix ns, 0 when there is nothing to time; first_time_ns skips events without a time.
+
+    gaps counts records, gap_events the events they miss; named_gaps are the first of them.
+    unknown_tails names the sessions whose end is not known ("*": every session, because the recorder was killed).
+    """
+
+    events: Count = 0
+    counts: tuple[EventCount, ...] = ()
+    gaps: Count = 0
+    gap_events: Count = 0
+    named_gaps: tuple[Gap, ...] = ()
+    rejected: Count = 0
+    states: Count = 0
+    unknown_tails: tuple[str, ...] = ()
+    first_log_time_ns: Count = 0
+    last_log_time_ns: Count = 0
+    first_time_ns: Count = 0
+    last_time_ns: Count = 0
+
+    @property
+    def complete(self) -> Completeness:
+        """Whether everything that was selected is in the file, as far as the recorder could know."""
+        if self.gaps:
+            return "no"
+        return "tail unknown" if self.unknown_tails else "yes"
+
+    def metadata(self) -> dict[str, str]:
+        """As MCAP metadata: numbers and JSON as text."""
+        texts = {name: msgspec.json.encode(getattr(self, name)).decode() for name in self.__struct_fields__}
+        texts["complete"] = self.complete
+        return texts | {"crc32": str(_crc(texts))}
+
+    @classmethod
+    def of(cls, metadata: dict[str, str]) -> "Totals | None":
+        """Back from MCAP metadata; None when it is damaged or not ours."""
+        texts = {name: value for name, value in metadata.items() if name != "crc32"}
+        if metadata.get("crc32") != str(_crc(texts)):
+            return None
+        try:
+            values = {name: msgspec.Raw(texts[name].encode()) for name in cls.__struct_fields__}
+            return msgspec.json.decode(msgspec.json.encode(values), type=cls)
+        except (KeyError, msgspec.MsgspecError):
+            return None
+
+
+def _crc(texts: dict[str, str]) -> int:
+    return zlib.crc32(msgspec.json.encode(sorted(texts.items())))
+
+
+class ChannelTally:
+    """The counts of one event channel."""
+
+    __slots__ = ("channel", "counts")
+
+    def __init__(self, channel: EventChannel) -> None:
+        self.channel = channel
+        self.counts: dict[tuple[str, int], int] = {}
+
+    def add(self, event: AnyEvent) -> None:
+        """Count one event."""
+        place = (event.kind, event.severity)
+        self.counts[place] = self.counts.get(place, 0) + 1
+
+
+class Tally:
+    """Counts while events go by."""
+
+    def __init__(self) -> None:
+        self._channels: dict[EventChannel, ChannelTally] = {}
+        self._named: list[Gap] = []
+        self._first_log = self._last_log = self._first = self._last = 0
+        self._messages = 0
+        self.gaps = self.gap_events = self.rejected = self.states = 0
+
+    def channel(self, channel: EventChannel) -> ChannelTally:
+        """The counter of a channel."""
+        return self._channels.setdefault(channel, ChannelTally(channel))
+
+    @property
+    def events(self) -> int:
+        """How many events so far."""
+        return sum(count for channel in self._channels.values() for count in channel.counts.values())
+
+    def time(self, log_time_ns: int) -> None:
+        """Take note of when something was logged."""
+        if not self._messages or log_time_ns < self._first_log:
+            self._first_log = log_time_ns
+        if log_time_ns > self._last_log:
+            self._last_log = log_time_ns
+        self._messages += 1
+
+    def event_time(self, time_ns: int) -> None:
+        """Take note of an event's own time."""
+        if time_ns:
+            if time_ns > self._last:
+                self._last = time_ns
+            if not self._first or time_ns < self._first:
+                self._first = time_ns
+
+    def gap(self, gap: Gap) -> None:
+        """Count a gap."""
+        self.gaps += 1
+        self.gap_events += gap.count
+        if len(self._named) < GAPS_NAMED:
+            self._named.append(gap)
+
+    def totals(self, unknown_tails: tuple[str, ...] = ()) -> Totals:
+        """The counts so far."""
+        rows: dict[tuple[str, str, str, str, int], int] = {}
+        for tally in self._channels.values():
+            for (kind, severity), count in tally.counts.items():
+                row = (tally.channel.realm, tally.channel.target, tally.channel.event_class, kind, int(severity))
+                rows[row] = rows.get(row, 0) + count
+        return Totals(
+            events=self.events,
+            counts=tuple(sorted(EventCount(*row, count) for row, count in rows.items())),
+            gaps=self.gaps,
+            gap_events=self.gap_events,
+            named_gaps=tuple(self._named),
+            rejected=self.rejected,
+            states=self.states,
+            unknown_tails=unknown_tails,
+            first_log_time_ns=self._first_log,
+            last_log_time_ns=self._last_log,
+            first_time_ns=self._first,
+            last_time_ns=self._last,
+        )
