@@ -76,8 +76,26 @@ class TailUnknown(msgspec.Struct, frozen=True):
     session: str
 
 
+class Heard(msgspec.Struct, frozen=True, gc=False):
+    """An event with the bytes it came in and when it came (Unix ns): what a recorder wants."""
+
+    event: AnyEvent
+    element: bytes
+    encoding: str
+    arrival_ns: int
+
+
+class Snapshot(msgspec.Struct, frozen=True):
+    """The alarms of a target that were raised and not disposed; events of `session` up to `seq` are folded in, perhaps more."""
+
+    target: str
+    session: str
+    seq: int
+    alarms: tuple[Alarm, ...]
+
+
 Notice: TypeAlias = Dropped | Gap | Rejected | TailUnknown
-Item: TypeAlias = AnyEvent | Notice
+Item: TypeAlias = AnyEvent | Heard | Notice
 
 
 class ListenerCounters(msgspec.Struct):
@@ -118,13 +136,11 @@ class Listener:
         on_full: OnFull = "drop",
         limits: Limits = DEFAULT_LIMITS,
         resolve_class: Callable[[str], Sequence[str]] | None = None,
-        raw: Callable[[Arrival, codec.Decoded | None], None] | None = None,
-        repair: bool = True,
+        keep_bytes: bool = False,
     ) -> None:
         """Subscribe. with_state also asks the loggers for their alarms, and keeps `alarms` current from then on.
 
-        FilterSyntaxError or AdsError for a bad filter. raw is called with every payload before its events, on the draining
-        thread: a recorder keeps the bytes.
+        FilterSyntaxError or AdsError for a bad filter. keep_bytes hands over Heard instead of bare events.
         """
         expr = parse(filter, resolve_class=resolve_class) if isinstance(filter, str) else filter or Everything()
         expr = resolve(expr, resolve_class)
@@ -138,7 +154,8 @@ class Listener:
         self._matches = None if isinstance(expr, Everything) else compile_filter(expr)
         self._cover = cover(expr)
         self._needs_check = self._matches is not None and not self._cover.exact
-        self._limits, self._raw, self._repair = limits, raw, repair
+        self._limits, self._keep_bytes = limits, keep_bytes
+        self._elements: dict[int, Heard] = {}
         self._queue: deque[Item] = deque()
         self._queue_events, self._on_full = queue_events, on_full
         self._pending_drops = 0
@@ -192,12 +209,11 @@ class Listener:
             )
         except (codec.CodecError, keys.KeyFormatError) as error:
             self.counters.rejected_payloads += 1
-            if self._raw is not None:
-                self._raw(arrival, None)
             out.append(Rejected(arrival.key, arrival.payload, str(error), True))
             return
-        if self._raw is not None:
-            self._raw(arrival, decoded)
+        if self._keep_bytes:
+            self._elements.clear()
+            self._remember(arrival.payload, arrival.encoding, decoded)
         if decoded.rejected:
             self.counters.rejected_events += len(decoded.rejected)
             out.extend(Rejected(arrival.key, element.raw, element.reason) for element in decoded.rejected)
@@ -224,6 +240,18 @@ class Listener:
                 self._see(arrival.key, event, event.key_seq, out)
                 self._accept([event], out)
 
+    def _remember(self, payload: bytes, encoding: str, decoded: codec.Decoded) -> None:
+        """Keep each event's bytes until it is handed over; the raw slices of rejected elements stand between them."""
+        encoding = encoding.partition(";")[0]
+        elements = codec.split(payload, encoding)
+        if decoded.rejected:
+            bad = [rejected.raw for rejected in decoded.rejected]
+            for raw in bad:
+                elements.remove(raw)
+        arrival_ns = time.time_ns()
+        for event, element in zip(decoded.events, elements, strict=True):
+            self._elements[id(event)] = Heard(event, element, encoding, arrival_ns)
+
     def _see(self, key: str, first: Event, last: int, out: list[Item]) -> None:
         missing = self.tracker.see(first.session, key, first.key_seq, last)
         if missing is not None:
@@ -236,7 +264,10 @@ class Listener:
             matches = self._matches
             events = [event for event in events if matches(event)]
         self.counters.passed += len(events)
-        out.extend(events)
+        if self._keep_bytes:
+            out.extend([self._elements[id(event)] for event in events])
+        else:
+            out.extend(events)
 
     # Alarm state.
 
@@ -302,15 +333,12 @@ class Listener:
 
     def _recover(self, target: str, missing: Missing, out: list[Item]) -> None:
         """Fill a gap from its sender, then from the logger; what is left is reported. The range is dealt with afterwards."""
-        found: dict[int, AnyEvent] = {}
-        evicted: int | None = None
-        asked = "nobody was asked"
-        if self._repair:
-            found, evicted = self._ask_sender(target, missing)
-            asked = "its sender does not answer" if evicted is None else "its sender no longer holds it"
-            if len(found) < missing.count and (evicted is None or evicted > missing.after_seq):
-                for event in self._ask_log(target, missing):
-                    found.setdefault(event.key_seq, event)
+        found, evicted = self._ask_sender(target, missing)
+        asked = "its sender does not answer" if evicted is None else "its sender no longer holds it"
+        if len(found) < missing.count and (evicted is None or evicted > missing.after_seq):
+            for event in self._ask_log(target, missing):
+                if found.setdefault(event.key_seq, event) is event and self._keep_bytes:
+                    self._elements[id(event)] = Heard(event, codec.encode(event), codec.JSON, time.time_ns())
         self.counters.repaired += len(found)
         whole = missing.after_seq and evicted is not None and evicted <= missing.after_seq
         run: list[AnyEvent] = []
@@ -355,7 +383,10 @@ class Listener:
                 continue
             with contextlib.suppress(codec.CodecError, ValueError):
                 evicted = int(answer.note)
-                for event in codec.decode(answer.payload, answer.encoding, key, self._limits).events:
+                decoded = codec.decode(answer.payload, answer.encoding, key, self._limits)
+                if self._keep_bytes:
+                    self._remember(answer.payload, answer.encoding, decoded)
+                for event in decoded.events:
                     if event.session == missing.session and missing.first <= event.key_seq <= missing.last:
                         found[event.key_seq] = event
         return found, evicted
@@ -543,6 +574,39 @@ class Listener:
     def _observe(self, observer: object) -> None:
         for item in self:
             dispatch(observer, item)
+
+    def snapshot(self) -> list[Snapshot]:
+        """The state as folded so far, one per target whose logger answered; needs with_state."""
+        with self._work:
+            table = self.table
+            return [
+                Snapshot(
+                    target,
+                    session,
+                    table.base(session),
+                    tuple(alarm for key, alarm in table.alarms.items() if key.target == target and alarm.was_raised),
+                )
+                for target, session in self._loggers.items()
+            ]
+
+    def settle(self, timeout_s: float = 1.0) -> list[str]:
+        """Ask every sender how far it is and take in what is missing; returns the sessions that cannot tell any more."""
+        with self._work:
+            open_sessions = {s: t for s, t in self._sessions.items() if s not in self._final and self.tracker.started(s)}
+        silent = []
+        for session, target in open_sessions.items():
+            answers = self.bus.ask(keys.verb_key(self.realm, target, "@sent", session), timeout_s=timeout_s)
+            beats = []
+            for answer in answers:
+                with contextlib.suppress(msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+                    beats.append(msgspec.json.decode(answer.payload, type=Beat))
+            if not beats:
+                if session not in self._final:
+                    silent.append(session)
+            elif self._judge(beats[0], look=True):
+                self._closed.wait(RECHECK_S)
+                self._judge(beats[0])
+        return silent
 
     def wait_for_beat(self, session: str | None = None, *, count: int = 1, timeout_s: float = 10.0) -> bool:
         """Wait until the promise holds: a beat of `session`, or of `count` sessions, has come; False when time is up."""

@@ -297,15 +297,15 @@ class Publisher:
             self._beat_due = True
             self._more.notify()
 
-    def _beat(self, *, final: bool) -> None:
+    def _numbers(self, *, final: bool) -> Beat:
         oldest_s = time.monotonic() - BEAT_MEMORY_S
         with self._lock:
             if final:
                 self.counters.unsent = self._waiting
-            numbers = {s.key: s.put_key_seq for s in self._keys.values() if s.put_key_seq and s.used_s >= oldest_s}
-            if final:
                 numbers = {s.key: s.sent_key_seq for s in self._keys.values() if s.used_s >= oldest_s or s.waiting}
-        beat = Beat(
+            else:
+                numbers = {s.key: s.put_key_seq for s in self._keys.values() if s.put_key_seq and s.used_s >= oldest_s}
+        return Beat(
             target=self.target,
             session=self.session,
             role=self.role,
@@ -314,9 +314,15 @@ class Publisher:
             final=final,
             unsent=self.counters.unsent,
         )
-        self._beats.put(msgspec.json.encode(beat))
+
+    def _beat(self, *, final: bool) -> None:
+        self._beats.put(msgspec.json.encode(self._numbers(final=final)))
 
     def _answer(self, question: Question) -> Iterator[Reply | Refusal]:
+        """The events of a Missing range, as payloads; without a payload the numbers of now, as a Beat."""
+        if not question.payload:
+            yield Reply(msgspec.json.encode(self._numbers(final=False)))
+            return
         try:
             missing = msgspec.json.decode(question.payload, type=Missing)
         except (msgspec.MsgspecError, UnicodeDecodeError) as error:

@@ -375,6 +375,10 @@ class AlarmTable:
             self._gone.pop(key, None)
         return True
 
+    def base(self, session: str) -> int:
+        """Up to which seq of a session the loaded snapshot reached; 0 without one."""
+        return self._base.get(session, 0)
+
     def put(self, alarm: Alarm) -> None:
         """Set one alarm as it is (a created one, which no event announces)."""
         self.alarms[alarm.key] = alarm
