@@ -8,14 +8,12 @@ Rule 4: state first subscribes, then asks, then applies what is newer (the other
 Rule 5: the promise starts with the first beat of a session after subscribing.
 """
 
-import asyncio
 import contextlib
 import threading
 import time
-from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from types import TracebackType
-from typing import Final, Literal, TypeAlias
+from typing import Final, TypeAlias
 
 import msgspec
 
@@ -40,17 +38,11 @@ from bridge.core.filters.text import parse
 from bridge.core.questions import LogPart, LogQuestion, StatePart
 from bridge.core.sequence import Beat, Missing, Tracker
 from bridge.edges.bus import Arrival, Bus, Receiver
+from bridge.inbox import Dropped, Inbox, OnFull
 
-OnFull: TypeAlias = Literal["drop", "wait"]
 RECHECK_S: Final = 0.1
 """How long a tail may stay missing before it is asked for: events and beats come through different queues."""
 BATCH: Final = 1024
-
-
-class Dropped(msgspec.Struct, frozen=True):
-    """The user's queue was full: the `count` oldest events left it here."""
-
-    count: int
 
 
 class Gap(msgspec.Struct, frozen=True):
@@ -105,7 +97,6 @@ class ListenerCounters(msgspec.Struct):
     received: int = 0
     passed: int = 0
     duplicates: int = 0
-    dropped: int = 0
     repaired: int = 0
     missing: int = 0
     rejected_payloads: int = 0
@@ -156,16 +147,10 @@ class Listener:
         self._needs_check = self._matches is not None and not self._cover.exact
         self._limits, self._keep_bytes = limits, keep_bytes
         self._elements: dict[int, Heard] = {}
-        self._queue: deque[Item] = deque()
-        self._queue_events, self._on_full = queue_events, on_full
-        self._pending_drops = 0
-        self._set_aside: deque[Notice] = deque()
-        self._local: deque[Item] = deque()
+        self._inbox: Inbox[AnyEvent | Heard | Notice] = Inbox(
+            queue_events, on_full, lambda item: isinstance(item, Event | Heard)
+        )
         self._work = threading.RLock()
-        self._lock = threading.Lock()
-        self._more = threading.Condition(self._lock)
-        self._room = threading.Condition(self._lock)
-        self._waiters: list[Callable[[], None]] = []
         self._closed = threading.Event()
         self._table = AlarmTable() if with_state else None
         self._loggers: dict[str, str] = {}
@@ -199,7 +184,7 @@ class Listener:
                 for arrival in arrivals:
                     self._take(arrival, out)
             if out:
-                self._hand_over(out)
+                self._inbox.put(out)
 
     def _take(self, arrival: Arrival, out: list[Item]) -> None:
         self.counters.payloads += 1
@@ -453,7 +438,7 @@ class Listener:
                 self._final.add(beat.session)
             self._beat_seen.notify_all()
         if out:
-            self._hand_over(out)
+            self._inbox.put(out)
         return bool(tails)
 
     def _alive_changed(self, key: str, there: bool) -> None:
@@ -471,56 +456,24 @@ class Listener:
                     self.counters.tails_unknown += 1
                     if self._loggers.get(target) == session:
                         del self._loggers[target]
-                self._hand_over([TailUnknown(target, session)])
+                self._inbox.put([TailUnknown(target, session)])
 
     # The user's side.
 
-    def _hand_over(self, out: list[Item]) -> None:
-        with self._lock:
-            queue = self._queue
-            if self._on_full == "wait":
-                self._room.wait_for(lambda: len(queue) < self._queue_events or self._closed.is_set())
-            queue.extend(out)
-            if self._on_full == "drop" and len(queue) > self._queue_events:
-                for _ in range(len(queue) - self._queue_events):
-                    item = queue.popleft()
-                    if isinstance(item, Dropped | Gap | Rejected | TailUnknown):
-                        self._set_aside.append(item)
-                    else:
-                        self._pending_drops += 1
-                        self.counters.dropped += 1
-            self._more.notify_all()
-            waiters, self._waiters = self._waiters, []
-        for wake in waiters:
-            wake()
-
-    def _refill(self) -> bool:
-        """Move what is there to the consumer's side; called with the lock held."""
-        local, queue = self._local, self._queue
-        if self._pending_drops:
-            local.append(Dropped(self._pending_drops))
-            self._pending_drops = 0
-        while self._set_aside:
-            local.append(self._set_aside.popleft())
-        for _ in range(min(len(queue), BATCH if self._on_full == "wait" else 64)):
-            local.append(queue.popleft())
-        if self._on_full == "wait":
-            self._room.notify_all()
-        return bool(local)
-
     def get(self, timeout_s: float | None = None) -> Item | None:
         """The next item; None when the time is up, or when the listener is closed and empty."""
-        if self._local:
-            return self._local.popleft()
-        with self._lock:
-            self._more.wait_for(
-                lambda: self._queue or self._pending_drops or self._set_aside or self._closed.is_set(), timeout_s
-            )
-            return self._local.popleft() if self._refill() else None
+        return self._inbox.get(timeout_s)
 
     def __iter__(self) -> Iterator[Item]:
-        while (item := self.get()) is not None:
-            yield item
+        return iter(self._inbox)
+
+    def __aiter__(self) -> AsyncIterator[Item]:
+        return aiter(self._inbox)
+
+    @property
+    def dropped(self) -> int:
+        """How many events left the full queue unread."""
+        return self._inbox.dropped
 
     def events(self) -> Iterator[AnyEvent]:
         """Only events; notices are in the counters."""
@@ -539,25 +492,6 @@ class Listener:
             if isinstance(item, Event):
                 taken.append(item)
         return taken
-
-    async def __aiter__(self) -> AsyncIterator[Item]:
-        loop = asyncio.get_running_loop()
-        ready = asyncio.Event()
-
-        def wake() -> None:
-            loop.call_soon_threadsafe(ready.set)
-
-        while True:
-            ready.clear()
-            with self._lock:
-                if not self._local and not self._refill():
-                    if self._closed.is_set():
-                        return
-                    self._waiters.append(wake)
-            if not self._local:
-                await ready.wait()
-            while self._local:
-                yield self._local.popleft()
 
     def observe(self, observer: object) -> threading.Thread:
         """Call the observer's methods for every item, on one thread of ours, until closed.
@@ -631,19 +565,11 @@ class Listener:
             watch.close()
         for receiver in (*self._receivers, *self._beats):
             receiver.close()
-        with self._lock:
-            self._room.notify_all()
-            self._more.notify_all()
-            waiters, self._waiters = self._waiters, []
-        for wake in waiters:
-            with contextlib.suppress(RuntimeError):
-                wake()
+        self._inbox.close()
         deadline = time.monotonic() + timeout_s
         for thread in self._threads:
             if thread is not threading.current_thread() and thread.name != "observe":
                 thread.join(max(0.0, deadline - time.monotonic()))
-        with self._lock:
-            self._more.notify_all()
         return not any(thread.is_alive() for thread in self._threads if thread.name != "observe")
 
     def __enter__(self) -> "Listener":

@@ -20,8 +20,9 @@ from bridge.core.filters.ast import Everything, Expr
 from bridge.core.filters.text import to_text
 from bridge.edges.bus import Bus
 from bridge.edges.recording import About, Attachment, Compression, Gap, RecordingError, RecordingWriter, StateFrame, Totals
-from bridge.listener import Dropped, Heard, Item, Listener, Rejected, TailUnknown
+from bridge.inbox import Dropped
 from bridge.listener import Gap as MissingHere
+from bridge.listener import Heard, Item, Listener, Rejected, TailUnknown
 
 QUEUE_EVENTS: Final = 1_000_000
 TRANSITION_FLUSH_S: Final = 0.005
@@ -168,8 +169,8 @@ class Recorder:
         """
         if not self._closing:
             self._silent.extend(self._listener.settle(settle_s))
-            self._closing = True
             self._listener.close()
+            self._closing = True
             self._thread.join()
             if self.error is None:
                 try:
