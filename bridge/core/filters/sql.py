@@ -175,8 +175,9 @@ def _like(field: Field, pattern: str, wanted: bool) -> SqlFilter:
         case "starts", text:
             return _exact(SqlFilter(f"({present}instr(lower({name}), ?) = 1)", (text,)), wanted)
         case "ends", text:
+            # IS, because substr() of an empty blob is NULL.
             end = f"substr(CAST(lower({name}) AS BLOB), -{len(text.encode())})"
-            return _exact(SqlFilter(f"({present}{end} = CAST(? AS BLOB))", (text,)), wanted)
+            return _exact(SqlFilter(f"({present}{end} IS CAST(? AS BLOB))", (text,)), wanted)
         case _:
             pass
     if "\0" in pattern or len(pattern.encode()) > MAX_LIKE_BYTES:
