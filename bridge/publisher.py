@@ -109,6 +109,7 @@ class Publisher:
         *,
         realm: str = keys.LIVE,
         role: str = "publisher",
+        session: str | None = None,
         encoding: codec.Encoding = codec.JSON,
         limits: Limits = DEFAULT_LIMITS,
         object_id: int | None = None,
@@ -118,9 +119,12 @@ class Publisher:
         ring_bytes: int = 32_000_000,
         clock: Callable[[], int] = time.time_ns,
     ) -> None:
-        """object_id is the source id of events without a source (TcCOM); clock gives Unix ns for events without a time."""
+        """object_id is the source id of events without a source (TcCOM); clock gives Unix ns for events without a time.
+
+        session is a random id unless one is given; no two publishers may have the same.
+        """
         self.bus, self.target, self.realm, self.role = bus, target, realm, role
-        self.session = os.urandom(8).hex()
+        self.session = session or os.urandom(8).hex()
         self.counters = Counters()
         self._encoding, self._limits, self._object_id = encoding, limits, object_id
         self._on_full, self._queue_events, self._clock = on_full, queue_events, clock
@@ -339,6 +343,13 @@ class Publisher:
     def seq(self) -> int:
         """How many events were numbered so far."""
         return self._seq
+
+    def change_role(self, role: str) -> None:
+        """Show another role from now on."""
+        before, self.role = self._alive, role
+        self._alive = self.bus.alive(keys.verb_key(self.realm, self.target, "@alive", role, self.session))
+        before.close()
+        self._beat_soon()
 
     def flush(self, timeout_s: float = 10.0) -> bool:
         """Wait until everything sent so far was handed to the bus; False when time was up."""

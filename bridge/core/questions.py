@@ -3,6 +3,7 @@
 Rule 1: every answer names the session that gave it, so that two loggers for one target are seen.
 Rule 2: a command carries an id; asking again with the same id gives the same result and does nothing twice.
 Rule 3: an answer has at most PART_ITEMS items; `part` of `parts` says whether it is whole.
+Rule 4: read_only marks the answers of a logger that has stepped back for an older one; who gets another answer ignores them.
 """
 
 from typing import Final
@@ -56,6 +57,7 @@ class LogPart(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     part: Count = 0
     last: bool = True
     events: tuple[Stored, ...] = ()
+    read_only: bool = False
 
 
 class CommandQuestion(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -78,3 +80,4 @@ class CommandAnswer(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=Tru
     alarm: Alarm | None = None
     created: bool = False
     seq: Count = 0
+    read_only: bool = False

@@ -1,0 +1,288 @@
+"""The logger without I/O: what it stores, what it answers, what becomes of its alarms.
+
+Rule 1: decide() changes nothing. What it allows is numbered by the publisher first and only then folded in by sent(): so a
+command that cannot be sent has not happened.
+Rule 2: a command is carried out once per id. The last ANSWERS_KEPT answers are kept; an older id is judged by the alarm's
+state alone. The id of one command used for another is refused.
+Rule 3: alarm transitions come from this logger only. arrived() takes messages of others and refuses their transitions;
+replay() takes all that was recorded.
+Rule 4: a unique id belongs to a message or to an alarm life and is given when it is stored. A life begins with its raise, so
+a second raise begins another one.
+Rule 5: no clock here. "Now" comes in with each call.
+"""
+
+from collections.abc import Iterable, Iterator
+from typing import Final, TypeAlias
+
+import msgspec
+
+from bridge.core.alarms import Alarm, AlarmKey, AlarmTable, Create, Dispose, alarm_key, created, decide
+from bridge.core.arguments import guid
+from bridge.core.events import (
+    DEFAULT_LIMITS,
+    AlarmDisposed,
+    AlarmEvent,
+    AlarmRaised,
+    AnyEvent,
+    LimitError,
+    Limits,
+    MessageSent,
+    check_limits,
+)
+from bridge.core.hresult import (
+    ADS_E_INVALIDDATA,
+    ADS_E_INVALIDPARM,
+    ADS_E_INVALIDSIZE,
+    ERROR_ALREADY_EXISTS,
+    AdsError,
+)
+from bridge.core.questions import PART_ITEMS, CommandAnswer, CommandQuestion, StatePart, Stored
+
+ANSWERS_KEPT: Final = 10_000
+"""How many commands are known by their id; at 100 commands a second that is more than a minute and a half."""
+NAME_CHARS: Final = 255
+COMMENT_CHARS: Final = 1024
+_MAX_ID: Final = 2**32 - 1
+
+
+class Kept(msgspec.Struct, frozen=True):
+    """An alarm as it is now, and the unique id of its life; 0 before the first raise."""
+
+    unique_id: int
+    alarm: Alarm
+
+
+class Changes(msgspec.Struct, frozen=True):
+    """What must be stored together: events with their unique ids, alarms as they are now, alarms that are gone."""
+
+    events: tuple[Stored, ...] = ()
+    alarms: tuple[Kept, ...] = ()
+    gone: tuple[AlarmKey, ...] = ()
+
+
+class Plan(msgspec.Struct, frozen=True):
+    """A command that is allowed: the events to send, none for a Create, which makes `alarm`."""
+
+    question: CommandQuestion
+    events: tuple[AlarmEvent, ...] = ()
+    alarm: Alarm | None = None
+
+
+class Outcome(msgspec.Struct, frozen=True):
+    """What to store, and what to answer when it is stored."""
+
+    answer: CommandAnswer
+    changes: Changes
+
+
+Decision: TypeAlias = Plan | CommandAnswer
+"""Events to send first, or an answer at once: known already, refused, or nothing to do."""
+
+
+def _fault(command_key: AlarmKey, texts: Iterable[tuple[str, str, int]]) -> AdsError | None:
+    """What is wrong with the names in a command, before its alarm is looked at."""
+    for name, text in (("event_class", command_key.event_class), ("source_guid", command_key.source_guid)):
+        try:
+            wrong = text is not None and guid(text) != text
+        except ValueError:
+            wrong = True
+        if wrong:
+            return AdsError(ADS_E_INVALIDDATA, f"{name} {text!r} is no GUID in lower case without braces")
+    for name, text, allowed in texts:
+        if len(text) > allowed:
+            return AdsError(ADS_E_INVALIDSIZE, f"{name}: {len(text)} is over the limit of {allowed} characters")
+    return None
+
+
+class Logbook:
+    """The alarms of a target (None: of every target, for replays), and the numbers and answers a logger gives."""
+
+    def __init__(
+        self,
+        target: str | None,
+        session: str = "",
+        *,
+        alarms: Iterable[Kept] = (),
+        next_unique_id: int = 1,
+        limits: Limits = DEFAULT_LIMITS,
+        answers_kept: int = ANSWERS_KEPT,
+    ) -> None:
+        """alarms and next_unique_id are what an earlier session left."""
+        self.target, self.session, self.limits = target, session, limits
+        self.next_unique_id = next_unique_id
+        self.table = AlarmTable()
+        self._lives: dict[AlarmKey, int] = {}
+        self._answers: dict[str, tuple[int, CommandAnswer]] = {}
+        self._answers_kept = answers_kept
+        left = list(alarms)
+        self.table.load(kept.alarm for kept in left)
+        self._lives.update((kept.alarm.key, kept.unique_id) for kept in left)
+
+    # Commands.
+
+    def decide(self, question: CommandQuestion, now_ns: int) -> Decision:
+        """What a command leads to; time_ns 0 in it becomes now_ns. Refusals are answers too: this raises nothing."""
+        known = self._answers.get(question.id)
+        if known is not None and known[0] == hash(question):
+            return known[1]
+        command = question.command
+        texts = (
+            ("id", question.id, NAME_CHARS),
+            ("operator", command.operator, NAME_CHARS),
+            ("client", command.client, NAME_CHARS),
+            ("comment", command.comment, COMMENT_CHARS),
+        )
+        if known is not None or not question.id:
+            reason = "the id belongs to another command" if known is not None else "a command needs an id"
+            return self._answer(question, ADS_E_INVALIDPARM, None, reason)
+        if command.key.target != self.target:
+            return self._answer(question, ADS_E_INVALIDPARM, None, f"an alarm of {command.key.target!r} at {self.target!r}")
+        if (fault := _fault(command.key, texts)) is not None:
+            return self._answer(question, fault.code, None, fault.detail)
+        if not command.time_ns:
+            command = msgspec.structs.replace(command, time_ns=now_ns)
+        alarm = self.table.alarms.get(command.key)
+        try:
+            events = decide(alarm, command)
+            if isinstance(command, Create):
+                if alarm is not None:
+                    return self._remember(question, self._answer(question, ERROR_ALREADY_EXISTS, alarm))
+                alarm = created(command)
+                check_limits(_as_event(alarm), self.limits)
+                return Plan(question, (), alarm)
+            for event in events:
+                check_limits(event, self.limits)
+        except LimitError as error:
+            return self._answer(question, ADS_E_INVALIDSIZE, alarm, str(error))
+        except AdsError as error:
+            return self.refuse(question, error.code, error.detail)
+        return Plan(question, events)
+
+    def refuse(self, question: CommandQuestion, code: int, detail: str) -> CommandAnswer:
+        """Answer no, and remember that: the same id gets the same answer."""
+        return self._remember(question, self._answer(question, code, self.table.alarms.get(question.command.key), detail))
+
+    def sent(self, plan: Plan, events: Iterable[AlarmEvent], arrival_ns: int) -> Outcome:
+        """The plan's events are numbered and on their way: fold them in, and say what to store and to answer."""
+        question = plan.question
+        if plan.alarm is not None:
+            self.table.put(plan.alarm)
+            self._lives[plan.alarm.key] = 0
+            answer = CommandAnswer(id=question.id, session=self.session, alarm=plan.alarm, created=True)
+            return Outcome(self._remember(question, answer), Changes(alarms=(Kept(0, plan.alarm),)))
+        changes, seq = Changes(), 0
+        for event in events:
+            changes, seq = self.replay(event, arrival_ns), event.seq
+        answer = self._answer(question, 0, self.table.alarms.get(question.command.key), seq=seq)
+        return Outcome(self._remember(question, answer), changes)
+
+    def stop(self, now_ns: int) -> tuple[AlarmEvent, ...]:
+        """The events of a clean stop: raised alarms are disposed of; what waits for confirmation stays (decision 0006).
+
+        Each goes through replay() once it is numbered.
+        """
+        raised = [alarm for alarm in self.table.active() if alarm.raised]
+        return tuple(event for alarm in raised for event in decide(alarm, Dispose(key=alarm.key, time_ns=now_ns)))
+
+    def _answer(
+        self, question: CommandQuestion, code: int, alarm: Alarm | None, detail: str = "", *, seq: int = 0
+    ) -> CommandAnswer:
+        return CommandAnswer(id=question.id, session=self.session, result=code, detail=detail, alarm=alarm, seq=seq)
+
+    def _remember(self, question: CommandQuestion, answer: CommandAnswer) -> CommandAnswer:
+        self._answers[question.id] = (hash(question), answer)
+        if len(self._answers) > self._answers_kept:
+            del self._answers[next(iter(self._answers))]
+        return answer
+
+    # Events.
+
+    def arrived(self, event: AnyEvent, arrival_ns: int) -> Changes | None:
+        """A message of another publisher. None for what is refused: a transition, or another target."""
+        if not isinstance(event, MessageSent) or event.target != self.target:
+            return None
+        return Changes((self._stored(event, arrival_ns, self._new_id()),))
+
+    def message(self, event: MessageSent, arrival_ns: int) -> Changes:
+        """A message of this logger's own."""
+        return Changes((self._stored(event, arrival_ns, self._new_id()),))
+
+    def replay(self, event: AnyEvent, arrival_ns: int) -> Changes:
+        """An event of any kind that is folded in as it is: recorded, or this logger's own. Seen before, it changes no alarm."""
+        if isinstance(event, MessageSent):
+            return self.message(event, arrival_ns)
+        key = alarm_key(event)
+        changed = self.table.apply(event)
+        unique_id = self._lives.get(key, 0)
+        if not unique_id or (changed and isinstance(event, AlarmRaised)):
+            unique_id = self._new_id()
+        stored = (self._stored(event, arrival_ns, unique_id),)
+        if not changed:
+            return Changes(stored)
+        alarm = self.table.alarms.get(key)
+        if alarm is None:
+            self._lives.pop(key, None)
+            return Changes(stored, gone=(key,))
+        self._lives[key] = unique_id
+        return Changes(stored, (Kept(unique_id, alarm),))
+
+    def load_state(self, target: str, session: str, seq: int, alarms: Iterable[Alarm]) -> Changes:
+        """Take over the state of a target after `seq` events of `session`, in place of what is known of it."""
+        before = {key for key in self.table.alarms if key.target == target}
+        self.table.load(alarms, session, seq, target)
+        now = {key: alarm for key, alarm in self.table.alarms.items() if key.target == target}
+        for key in before - now.keys():
+            self._lives.pop(key, None)
+        for key, alarm in now.items():
+            if not self._lives.get(key) and alarm.was_raised:
+                self._lives[key] = self._new_id()
+        kept = tuple(Kept(self._lives.get(key, 0), alarm) for key, alarm in now.items())
+        return Changes((), kept, tuple(before - now.keys()))
+
+    @staticmethod
+    def _stored(event: AnyEvent, arrival_ns: int, unique_id: int) -> Stored:
+        return Stored(event=event, unique_id=unique_id, arrival_ns=arrival_ns)
+
+    def _new_id(self) -> int:
+        unique_id = self.next_unique_id
+        self.next_unique_id = unique_id + 1 if unique_id < _MAX_ID else 1
+        return unique_id
+
+    # Answers.
+
+    def state_parts(self, seq: int, *, read_only: bool = False) -> list[StatePart]:
+        """The state after `seq` events of this session, in parts of 1,000: alarms that were raised and not disposed of."""
+        alarms = [alarm for alarm in self.table.alarms.values() if alarm.was_raised]
+        count = max(1, -(-len(alarms) // PART_ITEMS))
+        return [
+            StatePart(
+                target=self.target or "",
+                session=self.session,
+                seq=seq,
+                part=part,
+                parts=count,
+                alarms=tuple(alarms[part * PART_ITEMS : (part + 1) * PART_ITEMS]),
+                read_only=read_only,
+            )
+            for part in range(count)
+        ]
+
+    def kept(self) -> Iterator[Kept]:
+        """Every alarm there is, with the unique id of its life."""
+        for key, alarm in self.table.alarms.items():
+            yield Kept(self._lives.get(key, 0), alarm)
+
+
+def _as_event(alarm: Alarm) -> AlarmDisposed:
+    """An event of the size that the alarm's transitions will have, to measure it."""
+    return AlarmDisposed(
+        target=alarm.target,
+        event_class=alarm.event_class,
+        event_id=alarm.event_id,
+        severity=alarm.severity,
+        source_id=alarm.source_id,
+        source_name=alarm.source_name,
+        source_guid=alarm.source_guid,
+        arguments=alarm.arguments,
+        json_attribute=alarm.json_attribute,
+    )

@@ -1,0 +1,170 @@
+"""What a logger keeps: a logbook and a cache that always agree.
+
+Rule 1: under `lock`, what was decided, stored and answered fits together.
+Rule 2: a book has no bus. A logger and a mirror write into one, and a recording replays into a fresh one.
+Rule 3: what the cache refuses is counted (`unstored` events), and alarm states are written as soon as it takes them again.
+"""
+
+import contextlib
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+from bridge.core import keys
+from bridge.core.alarms import Alarm, AlarmKey
+from bridge.core.events import DEFAULT_LIMITS, AnyEvent, Limits
+from bridge.core.filters.text import parse
+from bridge.core.logbook import Changes, Kept, Logbook
+from bridge.core.questions import LogQuestion, Stored
+from bridge.edges.cache import Cache, CacheError, StoreBatch, StoredAlarm, StoredEvent
+from bridge.edges.cache import Stored as Row
+from bridge.edges.recording import StateFrame
+
+BATCH: Final = 1000
+_NEXT_ID: Final = "next_unique_id"
+
+
+class NotFreshError(RuntimeError):
+    """A replay needs an empty book; `path` names the cache that is not."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        super().__init__(f"{path} holds events or alarms already; a recording replays into a new one")
+
+
+class Book:
+    """Logbook and cache of a target (None: of every target). A context manager.
+
+    replay() and load_state() fold a recording in.
+    """
+
+    def __init__(
+        self,
+        target: str | None = None,
+        cache: str | Path | Cache = ":memory:",
+        *,
+        session: str = "",
+        limits: Limits = DEFAULT_LIMITS,
+        resolve_class: Callable[[str], Sequence[str]] | None = None,
+    ) -> None:
+        """Open the cache and take over what an earlier session left. CacheError when it cannot be opened."""
+        self.cache = cache if isinstance(cache, Cache) else Cache(cache)
+        self.lock = threading.RLock()
+        self.unstored = 0
+        left = self.cache.load_alarms(target)
+        meta = self.cache.meta()
+        self._fresh = not left and _NEXT_ID not in meta
+        self.logbook = Logbook(
+            target,
+            session,
+            alarms=[Kept(kept.unique_id, kept.alarm) for kept in left],
+            next_unique_id=int(meta.get(_NEXT_ID, "1")),
+            limits=limits,
+        )
+        self._resolve_class = resolve_class
+        self._waiting: list[Changes] = []
+        self._waiting_events = 0
+        self._owed: dict[AlarmKey, Kept | None] = {}
+
+    @property
+    def path(self) -> str:
+        """The cache's file, or ":memory:"."""
+        return self.cache.path
+
+    @property
+    def alarms(self) -> dict[AlarmKey, Alarm]:
+        """A copy of the alarms as they are now, created ones too."""
+        with self.lock:
+            return dict(self.logbook.table.alarms)
+
+    # Writing.
+
+    def store(self, changes: Iterable[Changes]) -> bool:
+        """Hand changes to the cache, in order; False while it takes none."""
+        with self.lock:
+            events: list[Row] = []
+            for change in changes:
+                events.extend(Row(stored.unique_id, stored.arrival_ns, stored.event) for stored in change.events)
+                self._owed.update((kept.alarm.key, kept) for kept in change.alarms)
+                self._owed.update(dict.fromkeys(change.gone))
+            batch = StoreBatch(
+                events,
+                [StoredAlarm(kept.unique_id, kept.alarm) for kept in self._owed.values() if kept is not None],
+                [key for key, kept in self._owed.items() if kept is None],
+                {_NEXT_ID: str(self.logbook.next_unique_id)},
+            )
+            try:
+                self.cache.append(batch)
+            except CacheError:
+                self.unstored += len(events)
+                return False
+            self._owed.clear()
+            return True
+
+    def replay(self, event: AnyEvent, arrival_ns: int) -> None:
+        """Fold one recorded event in as it was, with its own numbers. NotFreshError in a book that was not empty at first."""
+        self._check_fresh()
+        with self.lock:
+            self._waiting.append(self.logbook.replay(event, arrival_ns))
+            if len(self._waiting) >= BATCH:
+                self._write_waiting()
+
+    def load_state(self, state: StateFrame) -> None:
+        """Take over a recorded keyframe: all alarms of its target as they were after its event `seq`."""
+        self._check_fresh()
+        with self.lock:
+            self._waiting.append(self.logbook.load_state(state.target, state.session, state.seq, state.alarms))
+
+    def _check_fresh(self) -> None:
+        if not self._fresh:
+            raise NotFreshError(self.path)
+
+    def _write_waiting(self) -> None:
+        if self._waiting:
+            self.store(self._waiting)
+            self._waiting = []
+
+    def flush(self, timeout_s: float = 10.0, *, durable: bool = False) -> None:
+        """Return when everything is committed. CacheError or TimeoutError when it is not."""
+        with self.lock:
+            self._write_waiting()
+            if self._owed:
+                self.store(())
+        self.cache.flush(timeout_s, durable=durable)
+
+    # Reading.
+
+    def log(self, question: LogQuestion) -> Iterator[Stored]:
+        """The stored events that are asked for. FilterSyntaxError, AdsError or UnknownClassError for a bad filter, at once."""
+        with contextlib.suppress(CacheError, TimeoutError):
+            self.flush(2.0)
+        if question.missing is not None:
+            wanted = question.missing
+            key = keys.parse_event_key(wanted.key)
+            rows = self.cache.numbered_of_key(wanted.session, key, wanted.first, wanted.last)
+            return (_stored(row) for row in rows if row.event.seq > wanted.after_seq)
+        expr = parse(question.filter, resolve_class=self._resolve_class) if question.filter else None
+        return map(
+            _stored,
+            self.cache.query(expr, limit=question.limit or None, offset=question.offset, newest_first=question.newest_first),
+        )
+
+    # Closing.
+
+    def close(self, timeout_s: float = 2.0) -> int:
+        """Write what waits and close the cache; how many rows could not be written. Takes at most timeout_s."""
+        with contextlib.suppress(CacheError, TimeoutError):
+            self.flush(timeout_s)
+        return self.cache.close(timeout_s) + len(self._owed)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+
+def _stored(row: StoredEvent) -> Stored:
+    return Stored(event=row.event, unique_id=row.unique_id, arrival_ns=row.arrival_ns)
