@@ -133,7 +133,9 @@ class Listener:
 
         FilterSyntaxError or AdsError for a bad filter. keep_bytes hands over Heard instead of bare events.
         """
-        expr = parse(filter, resolve_class=resolve_class) if isinstance(filter, str) else filter or Everything()
+        if filter is None:
+            filter = Everything()
+        expr = parse(filter, resolve_class=resolve_class) if isinstance(filter, str) else filter
         expr = resolve(expr, resolve_class)
         if target is not None:
             mine = Compare("target", "=", target)
