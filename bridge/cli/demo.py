@@ -1,0 +1,3 @@
+def demo() -> int:
+    """To come."""
+    return 1

@@ -1,0 +1,6 @@
+"""To come."""
+
+
+def publisher() -> int:
+    """To come."""
+    return 1

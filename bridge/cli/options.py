@@ -1,0 +1,146 @@
+"""Options that commands share, and what they become: settings, a bus, a catalog, a filter.
+
+Rule 1: an option that is not given is None here, so that environment and file can speak (bridge/config.py).
+Rule 2: dataclasses, because the parser flattens them into options and does not know other structs.
+"""
+
+import getpass
+import os
+import sys
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from cyclopts import Group, Parameter
+
+from bridge import config
+from bridge.cli.exits import Exit, Usage
+
+if TYPE_CHECKING:
+    from bridge.core.catalog import Catalog
+    from bridge.core.filters.ast import Expr
+    from bridge.edges.bus import Bus, BusConfig
+
+TEXTS: Final = Group("Texts", sort_key=20)
+BUS: Final = Group("Bus", sort_key=30)
+PROGRAM: Final = Group("Settings and output", sort_key=40)
+
+
+def _setting(name: str, group: Group, *, metavar: str | None = None) -> Parameter:
+    return Parameter(help=config.HELP[name], group=group, metavar=metavar)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Offline:
+    """Options of commands that work on files and texts."""
+
+    lang: Annotated[str | None, _setting("lang", TEXTS)] = None
+    classes: Annotated[tuple[Path, ...], _setting("classes", TEXTS)] = ()
+    realm: Annotated[str | None, _setting("realm", BUS)] = None
+    settings: Annotated[
+        Path | None,
+        Parameter(help=f"Settings file. Default: {config.FILE_NAME} here, if there is one.", group=PROGRAM),
+    ] = None
+    show_settings: Annotated[
+        bool, Parameter(help="Print every setting and where it came from, and do nothing else.", group=PROGRAM)
+    ] = False
+    json: Annotated[bool, Parameter(help="For programs: JSON, one object per line.", group=PROGRAM)] = False
+
+    def load(self, **more: str | None) -> config.Settings:
+        """The settings, with options of one command beside the shared ones; with --show-settings prints them and ends."""
+        given = {field.name: _plain(getattr(self, field.name)) for field in fields(self) if field.name in config.HELP}
+        loaded = config.load(given | more, os.environ, self.settings)
+        if self.show_settings:
+            from bridge.cli.show import print_settings
+
+            print_settings(loaded, as_json=self.json)
+            raise SystemExit(Exit.OK)
+        return loaded.settings
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Common(Offline):
+    """Options of commands that use the bus."""
+
+    target: Annotated[str | None, _setting("target", BUS)] = None
+    connect: Annotated[tuple[str, ...], _setting("connect", BUS)] = ()
+    listen: Annotated[tuple[str, ...], _setting("listen", BUS)] = ()
+    config: Annotated[Path | None, _setting("config", BUS)] = None
+    lan: Annotated[bool | None, _setting("lan", BUS)] = None
+    scouting_group: Annotated[str | None, _setting("scouting_group", BUS, metavar="HOST:PORT")] = None
+
+
+OFFLINE: Final = Offline()
+COMMON: Final = Common()
+
+
+def _plain(value: object) -> object:
+    match value:
+        case Path():
+            return str(value)
+        case tuple():
+            return tuple(map(str, value))
+        case _:
+            return value
+
+
+def note(text: str) -> None:
+    """Tell a person something that is not the result: on stderr."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def bus_config(settings: config.Settings, mode: str = "peer") -> "BusConfig":
+    """How these settings reach the bus."""
+    from bridge.edges.bus import BusConfig
+
+    return BusConfig(
+        mode=mode,
+        connect=settings.connect,
+        listen=settings.listen,
+        lan=settings.lan,
+        scouting_group=settings.scouting_group,
+        config=settings.config or None,
+    )
+
+
+def open_bus(settings: config.Settings) -> "Bus":
+    """The bus these settings name."""
+    from bridge.edges import bus
+
+    return bus.open_bus(bus_config(settings))
+
+
+def catalog(settings: config.Settings) -> "Catalog":
+    """The event classes of the settings; what is wrong in the files goes to stderr, the rest is used."""
+    from bridge.edges.class_files import load_catalog
+
+    try:
+        found, problems = load_catalog(settings.classes)
+    except OSError as error:
+        raise Usage(f"--classes: {error.filename}: {error.strerror or error}") from None
+    for problem in problems:
+        note(f"warning: {problem}")
+    return found
+
+
+def parse_filter(text: str | None, known: "Catalog") -> "Expr":
+    """The filter of a text. What the manual answers with an HRESULT is wrong usage here."""
+    from bridge.core.filters.text import parse
+    from bridge.core.hresult import AdsError
+
+    try:
+        return parse(text or "", resolve_class=known.guids)
+    except AdsError as error:
+        raise Usage(f"filter refused: {error}") from None
+
+
+def operator(settings: config.Settings) -> str:
+    """Who gives a command."""
+    if settings.operator:
+        return settings.operator
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # a container's user without a name
+        return str(os.getuid())

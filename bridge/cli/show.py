@@ -1,0 +1,284 @@
+"""How things look: lines and tables for people, plain text when nobody watches, JSON for programs.
+
+Rule 1: colour, boxes and folding only on a terminal. Elsewhere columns are aligned with spaces and nothing is cut.
+Rule 2: what comes from outside is shown, never obeyed: control and direction characters are printed as escapes.
+Rule 3: JSON has the names and values of the wire, with class_name and text added; a notice has "notice" instead of "kind".
+Rule 4: times are UTC. On a terminal a table drops the date when all its rows share it, and says so below.
+"""
+
+import functools
+import shutil
+import sys
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias, assert_never
+
+import msgspec
+
+from bridge.config import Loaded
+from bridge.core.alarms import Alarm
+from bridge.core.events import AnyEvent, ConfirmationState, Event, Severity
+from bridge.core.times import time_text
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from bridge.core.catalog import Catalog
+    from bridge.core.questions import Stored
+    from bridge.listener import Item
+
+STYLES: Final = {
+    Severity.VERBOSE: "dim",
+    Severity.INFO: "",
+    Severity.WARNING: "yellow",
+    Severity.ERROR: "red",
+    Severity.CRITICAL: "bold white on red",
+}
+KIND_WORDS: Final = {
+    "message_sent": "message",
+    "alarm_raised": "raised",
+    "alarm_cleared": "cleared",
+    "alarm_confirmed": "confirmed",
+    "alarm_disposed": "disposed",
+}
+CONFIRMATION_WORDS: Final = {
+    ConfirmationState.NOT_SUPPORTED: "",
+    ConfirmationState.NOT_REQUIRED: "not yet needed",
+    ConfirmationState.WAIT_FOR_CONFIRMATION: "waiting",
+    ConfirmationState.CONFIRMED: "confirmed",
+    ConfirmationState.RESET: "reset",
+}
+WIDE: Final = 150
+"""Columns a terminal needs for the table of the log with all its times."""
+_HOSTILE: Final = {
+    code: f"\\x{code:02x}" if code < 256 else f"\\u{code:04x}"
+    for code in (*range(32), *range(127, 160), 0x061C, *range(0x200E, 0x2010), *range(0x2028, 0x202F), *range(0x2066, 0x206A))
+} | {ord("\n"): "\\n", ord("\t"): "\\t", ord("\r"): "\\r"}
+
+Span: TypeAlias = tuple[str, str]
+"""A text and its style."""
+Cell: TypeAlias = str | Span
+
+
+def clean(text: str) -> str:
+    """The text with everything that a terminal would obey written as an escape; lone surrogates become "?"."""
+    return text.translate(_HOSTILE).encode("utf-8", "replace").decode()
+
+
+def on_terminal() -> bool:
+    """Whether a person watches stdout."""
+    return sys.stdout.isatty()
+
+
+@functools.cache
+def console(*, stderr: bool = False) -> "Console":
+    """The terminal, opened once."""
+    from rich.console import Console
+
+    return Console(stderr=stderr, highlight=False, markup=False, emoji=False)
+
+
+def print_json(value: object) -> None:
+    """One line of JSON."""
+    print(msgspec.json.encode(value).decode("utf-8", "replace"), flush=True)
+
+
+def print_spans(spans: Iterable[Span]) -> None:
+    """One line, coloured on a terminal."""
+    if on_terminal():
+        from rich.text import Text
+
+        console().print(Text.assemble(*spans), soft_wrap=True)
+    else:
+        print("".join(text for text, _ in spans).rstrip(), flush=True)
+
+
+def print_table(headers: Sequence[str], rows: Sequence[Sequence[Cell]], *, caption: str = "", title: str = "") -> None:
+    """A table; folded to the width of a terminal, else aligned and whole."""
+    if on_terminal():
+        from rich.box import SIMPLE_HEAD
+        from rich.table import Table
+        from rich.text import Text
+
+        table = Table(*headers, box=SIMPLE_HEAD, pad_edge=False, caption=caption or None, caption_justify="left")
+        table.title, table.title_justify = title or None, "left"
+        for column, header in zip(table.columns, headers, strict=True):
+            column.overflow, column.no_wrap = "fold", header in ("Severity", "Id", "Event", "State")
+        for row in rows:
+            table.add_row(*(Text(*_span(cell)) for cell in row))
+        console().print(table)
+        return
+    texts = [list(headers), *([_span(cell)[0] for cell in row] for row in rows)]
+    widths = [max(len(row[column]) for row in texts) for column in range(len(headers))]
+    if title:
+        print(title)
+    for row in texts:
+        print("  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip())
+    sys.stdout.flush()
+
+
+def _span(cell: Cell) -> Span:
+    return (clean(cell), "") if isinstance(cell, str) else (clean(cell[0]), cell[1])
+
+
+def severity_span(severity: Severity) -> Span:
+    """The severity as a word in its colour."""
+    return severity.name.lower(), STYLES[severity]
+
+
+def source_text(source: "Event | Alarm") -> str:
+    """Where it happened: the name, else the object id, else the GUID."""
+    if source.source_name is not None:
+        return source.source_name
+    if source.source_id is not None:
+        return f"0x{source.source_id:08X}"
+    return source.source_guid or ""
+
+
+class View(NamedTuple):
+    """Event classes and the language in which texts are shown."""
+
+    catalog: "Catalog"
+    lang: str
+
+    def spans(self, event: AnyEvent) -> list[Span]:
+        """One event as one readable line: time, target, severity, what happened, class, id, text, source."""
+        style = STYLES[event.severity]
+        source = source_text(event)
+        return [
+            (f"{time_text(event.time_ns, 3) or '-':24}  ", "dim"),
+            (f"{clean(event.target):8}  ", "cyan"),
+            (f"{event.severity.name.lower():8}", style),
+            (f"  {KIND_WORDS[event.kind]:9}  ", "bold" if event.is_alarm else ""),
+            (f"{clean(self.catalog.class_name(event.event_class, self.lang))} {event.event_id}: ", ""),
+            (clean(self.catalog.event_text(event, self.lang)), style),
+            (f"  [{clean(source)}]" if source else "", "dim"),
+        ]
+
+    def record(self, item: AnyEvent | Alarm) -> dict[str, object]:
+        """An event or alarm for programs."""
+        found: dict[str, object] = msgspec.to_builtins(item)
+        found["class_name"] = self.catalog.class_name(item.event_class, self.lang)
+        found["text"] = self.catalog.event_text(item, self.lang)
+        return found
+
+    def alarm_record(self, alarm: Alarm) -> dict[str, object]:
+        """An alarm for programs: raised, confirmation_state and active are always there."""
+        states = {"raised": alarm.raised, "confirmation_state": int(alarm.confirmation_state), "active": alarm.is_active}
+        return self.record(alarm) | states
+
+    def print_item(self, item: "Item", *, as_json: bool) -> None:
+        """One thing a listener gave: an event, or a notice of what is missing."""
+        if isinstance(item, Event):
+            print_json(self.record(item)) if as_json else print_spans(self.spans(item))
+        elif as_json:
+            print_json(notice_record(item))
+        else:
+            print_spans([(f"{'':24}  {notice_text(item)}", "bold magenta")])
+
+    def print_alarms(self, alarms: Sequence[Alarm], *, title: str = "") -> None:
+        """Alarms as a table."""
+        day = _shared_day(time for alarm in alarms for time in _times(alarm))
+        headers = ("Severity", "State", "Confirmation", "Class", "Id", "Text", "Source", "Raised", "Cleared", "Confirmed")
+        rows: list[list[Cell]] = [
+            [
+                severity_span(alarm.severity),
+                "raised" if alarm.raised else "cleared" if alarm.was_raised else "created",
+                CONFIRMATION_WORDS[alarm.confirmation_state],
+                self.catalog.class_name(alarm.event_class, self.lang),
+                str(alarm.event_id),
+                (clean(self.catalog.event_text(alarm, self.lang)), STYLES[alarm.severity]),
+                source_text(alarm),
+                *(_time(time, day) for time in _times(alarm)),
+            ]
+            for alarm in alarms
+        ]
+        print_table(headers, rows, caption=f"times in UTC on {day}" if day else "", title=title)
+
+    def print_log(self, entries: "Sequence[Stored]") -> None:
+        """Stored events as a table."""
+        wide = not on_terminal() or shutil.get_terminal_size().columns >= WIDE
+        day = _shared_day(time for entry in entries for time in (entry.event.time_ns, *_times(entry.event)))
+        headers = ["Time", "Severity", "Event", "Class", "Id", "Unique id", "Text", "Source"]
+        rows: list[list[Cell]] = []
+        for entry in entries:
+            event = entry.event
+            row: list[Cell] = [
+                _time(event.time_ns, day),
+                severity_span(event.severity),
+                KIND_WORDS[event.kind],
+                self.catalog.class_name(event.event_class, self.lang),
+                str(event.event_id),
+                str(entry.unique_id),
+                (clean(self.catalog.event_text(event, self.lang)), STYLES[event.severity]),
+                source_text(event),
+            ]
+            rows.append([*row, *(_time(time, day) for time in _times(event))] if wide else row)
+        print_table(
+            [*headers, "Raised", "Cleared", "Confirmed"] if wide else headers,
+            rows,
+            caption=f"times in UTC on {day}" if day else "",
+        )
+
+
+def _times(item: Event | Alarm) -> tuple[int, int, int]:
+    return item.time_raised_ns, item.time_cleared_ns, item.time_confirmed_ns
+
+
+def _shared_day(times: Iterable[int]) -> str:
+    """The one day of all times that are set, "" when there are several or when this is no terminal."""
+    days = {time_text(time)[:10] for time in times if time} if on_terminal() else set()
+    return days.pop() if len(days) == 1 else ""
+
+
+def _time(time_ns: int, day: str) -> str:
+    text = time_text(time_ns, 3)
+    return text[11:-1] if day else text
+
+
+def notice_text(notice: "Item") -> str:
+    """What a listener says about what is missing."""
+    from bridge.inbox import Dropped
+    from bridge.listener import Gap, Heard, Rejected, TailUnknown
+
+    match notice:
+        case Gap(missing, reason):
+            return f"gap: {missing.count} events of session {missing.session} are lost on {clean(missing.key)}: {clean(reason)}"
+        case Dropped(count):
+            return f"dropped: {count} events, this program was too slow for them"
+        case Rejected(key, raw, reason):
+            return f"rejected: {len(raw)} bytes on {clean(key)}: {clean(reason)}"
+        case TailUnknown(target, session):
+            return f"tail unknown: session {session} of {clean(target)} is gone without a last word"
+        case Event() | Heard():
+            raise TypeError("an event is no notice")
+        case _:
+            assert_never(notice)
+
+
+def notice_record(notice: "Item") -> dict[str, object]:
+    """A notice for programs."""
+    from bridge.inbox import Dropped
+    from bridge.listener import Gap, Heard, Rejected, TailUnknown
+
+    match notice:
+        case Gap(missing, reason):
+            return {"notice": "gap", "count": missing.count, "reason": reason, "missing": msgspec.to_builtins(missing)}
+        case Dropped(count):
+            return {"notice": "dropped", "count": count}
+        case Rejected(key, raw, reason, whole_payload):
+            return {"notice": "rejected", "key": key, "raw": raw, "reason": reason, "whole_payload": whole_payload}
+        case TailUnknown(target, session):
+            return {"notice": "tail_unknown", "target": target, "session": session}
+        case Event() | Heard():
+            raise TypeError("an event is no notice")
+        case _:
+            assert_never(notice)
+
+
+def print_settings(loaded: Loaded, *, as_json: bool) -> None:
+    """Every setting, its value and where it came from."""
+    if as_json:
+        for name, origin in loaded.origins.items():
+            print_json({"setting": name, "value": getattr(loaded.settings, name), "origin": origin})
+    else:
+        print_table(("Setting", "Value", "From"), loaded.rows())
