@@ -100,8 +100,11 @@ class Inbox(Generic[_T]):
         return local.popleft()
 
     def __iter__(self) -> Iterator[_T | Dropped]:
+        local = self._local
         while (item := self.get()) is not None:
             yield item
+            while local:
+                yield local.popleft()
 
     async def __aiter__(self) -> AsyncIterator[_T | Dropped]:
         loop = asyncio.get_running_loop()

@@ -69,8 +69,18 @@ class _Key:
         self.put_key_seq = 0
         self.put_seq = 0
         self.used_s = 0.0
-        self.waiting: deque[tuple[int, int, bytes]] = deque()
+        self.waiting: deque[_Entry] = deque()
         self.changed = False
+
+
+class _Entry(msgspec.Struct, gc=False):
+    """One encoded event: in the queue, and in the ring. Not tracked by the garbage collector, whose passes would cost more
+    than the rest of send()."""
+
+    seq: int
+    key_seq: int
+    element: bytes
+    state: _Key
 
 
 class _Kept:
@@ -80,22 +90,25 @@ class _Kept:
         self._events = events
         self._size = size
         self._bytes = 0
-        self._ring: deque[tuple[str, int, int, bytes]] = deque()
+        self._ring: deque[_Entry] = deque()
         self.evicted_seq = 0
 
-    def add(self, key: str, seq: int, key_seq: int, element: bytes) -> None:
+    def add(self, entry: _Entry) -> None:
         ring = self._ring
-        ring.append((key, seq, key_seq, element))
-        self._bytes += len(element)
+        ring.append(entry)
+        self._bytes += len(entry.element)
         while len(ring) > self._events or self._bytes > self._size:
-            _, self.evicted_seq, _, old = ring.popleft()
-            self._bytes -= len(old)
+            old = ring.popleft()
+            self.evicted_seq = old.seq
+            self._bytes -= len(old.element)
 
     def find(self, missing: Missing) -> list[bytes]:
         return [
-            element
-            for key, seq, key_seq, element in self._ring
-            if key == missing.key and missing.first <= key_seq <= missing.last and seq > missing.after_seq
+            entry.element
+            for entry in self._ring
+            if entry.state.key == missing.key
+            and missing.first <= entry.key_seq <= missing.last
+            and entry.seq > missing.after_seq
         ]
 
 
@@ -127,14 +140,14 @@ class Publisher:
         self.session = session or os.urandom(8).hex()
         self.counters = Counters()
         self._encoding, self._limits, self._object_id = encoding, limits, object_id
-        self._on_full, self._queue_events, self._clock = on_full, queue_events, clock
+        self._may_drop, self._queue_events, self._clock = on_full == "drop", queue_events, clock
         self._keys: dict[tuple[str, bool, Severity], _Key] = {}
         self._kept = _Kept(ring_events, ring_bytes)
         self._seq = 0
         self._put_seq = 0
         self._waiting = 0
         self._changed: deque[_Key] = deque()
-        self._messages: deque[tuple[int, _Key]] = deque()
+        self._messages: deque[_Entry] = deque()
         self._lock = threading.Lock()
         self._more = threading.Condition(self._lock)
         self._room = threading.Condition(self._lock)
@@ -193,6 +206,8 @@ class Publisher:
         LimitError over a limit (nothing is numbered then), QueueFullError when only alarm transitions wait and there is no
         room, PublisherClosedError after close().
         """
+        if event.target != self.target:
+            raise ValueError(f"event of target {event.target!r} sent under {self.target!r}")
         check_limits(event, self._limits)
         place = (event.event_class, event.is_alarm, event.severity)
         with self._lock:
@@ -200,8 +215,6 @@ class Publisher:
                 raise PublisherClosedError(f"publisher {self.session} of {self.target} is closed")
             state = self._keys.get(place)
             if state is None:
-                if event.target != self.target:
-                    raise ValueError(f"event of target {event.target!r} sent under {self.target!r}")
                 state = self._keys[place] = _Key(keys.event_key(self.realm, event), event.is_alarm)
             if self._waiting >= self._queue_events:
                 self._make_room()
@@ -209,30 +222,32 @@ class Publisher:
             event = msgspec.structs.replace(
                 event, session=self.session, seq=seq, key_seq=key_seq, time_ns=event.time_ns or self._clock()
             )
-            element = codec.encode(event, self._encoding)
+            entry = _Entry(seq, key_seq, codec.encode(event, self._encoding), state)
             self._seq, state.sent_key_seq = seq, key_seq
-            self._kept.add(state.key, seq, key_seq, element)
-            state.waiting.append((seq, key_seq, element))
-            if not state.is_alarm:
-                self._messages.append((seq, state))
+            self._kept.add(entry)
+            state.waiting.append(entry)
+            if self._may_drop and not state.is_alarm:
+                self._messages.append(entry)
             self._waiting += 1
             if not state.changed:
                 state.changed = True
                 self._changed.append(state)
             if self._idle:
+                self._idle = False
                 self._more.notify()
         return event
 
     def _make_room(self) -> None:
-        if self._on_full == "wait":
+        if not self._may_drop:
             self._room.wait_for(lambda: self._waiting < self._queue_events or self._closing)
             if self._closing:
                 raise PublisherClosedError(f"publisher {self.session} of {self.target} was closed while waiting")
             return
         while self._messages:
-            seq, state = self._messages.popleft()
-            if state.waiting and state.waiting[0][0] == seq:
-                state.waiting.popleft()
+            entry = self._messages.popleft()
+            waiting = entry.state.waiting
+            if waiting and waiting[0] is entry:
+                waiting.popleft()
                 self._waiting -= 1
                 self.counters.dropped += 1
                 return
@@ -242,9 +257,9 @@ class Publisher:
         next_beat_s = time.monotonic()
         while True:
             with self._lock:
-                self._idle = True
                 while not self._changed and not self._closing and not self._beat_due:
                     left = next_beat_s - time.monotonic()
+                    self._idle = True
                     if left <= 0 or not self._more.wait(left):
                         break
                 self._idle = False
@@ -260,14 +275,14 @@ class Publisher:
             for state, batch in batches:
                 if state.sender is None:
                     state.sender = self.bus.sender(state.key, self._encoding)
-                state.sender.put(codec.join([element for _, _, element in batch], self._encoding))
-                state.put_seq, state.put_key_seq = batch[-1][0], batch[-1][1]
+                state.sender.put(codec.join([entry.element for entry in batch], self._encoding))
+                state.put_seq, state.put_key_seq = batch[-1].seq, batch[-1].key_seq
                 state.used_s = time.monotonic()
                 self._put_seq = max(self._put_seq, state.put_seq)
                 self.counters.puts += 1
                 self.counters.sent += len(batch)
 
-    def _take(self) -> list[tuple[_Key, list[tuple[int, int, bytes]]]]:
+    def _take(self) -> list[tuple[_Key, list[_Entry]]]:
         """What waits, at most 256 events per key and put; called with the lock held."""
         batches = []
         taken = 0
@@ -291,8 +306,10 @@ class Publisher:
         if not self._waiting:
             self._messages.clear()
         elif len(self._messages) > 2 * self._queue_events:
-            self._messages = deque((seq, key) for seq, key in self._messages if key.waiting and seq >= key.waiting[0][0])
-        if was_full or self._on_full == "wait":
+            self._messages = deque(
+                entry for entry in self._messages if entry.state.waiting and entry.seq >= entry.state.waiting[0].seq
+            )
+        if was_full or not self._may_drop:
             self._room.notify_all()
         return batches
 
@@ -358,7 +375,7 @@ class Publisher:
         pause = threading.Event()
         while True:
             with self._lock:
-                behind = any(s.waiting and s.waiting[0][0] <= target for s in self._keys.values())
+                behind = any(s.waiting and s.waiting[0].seq <= target for s in self._keys.values())
                 if not behind and self.counters.sent + self.counters.dropped >= target:
                     return True
             if time.monotonic() > deadline or not self._thread.is_alive():

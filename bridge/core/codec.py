@@ -36,8 +36,7 @@ Encoding: TypeAlias = str
 ENCODINGS: Final = (JSON, MSGPACK)
 
 _HOSTILE: Final = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
-_JSON_ENCODER: Final = msgspec.json.Encoder()
-_MSGPACK_ENCODER: Final = msgspec.msgpack.Encoder()
+_ENCODERS: Final = {JSON: msgspec.json.Encoder().encode, MSGPACK: msgspec.msgpack.Encoder().encode}
 _LIST_DECODERS: Final = {
     JSON: msgspec.json.Decoder(list[AnyEvent]).decode,
     MSGPACK: msgspec.msgpack.Decoder(list[AnyEvent]).decode,
@@ -77,16 +76,20 @@ class Decoded(msgspec.Struct, frozen=True):
 def _known(encoding: Encoding) -> Encoding:
     if encoding in ENCODINGS:
         return encoding
-    raise CodecError(f"encoding {encoding!r} is not one of {', '.join(ENCODINGS)}")
+    raise CodecError(_unknown(encoding))
+
+
+def _unknown(encoding: Encoding) -> str:
+    return f"encoding {encoding!r} is not one of {', '.join(ENCODINGS)}"
 
 
 def encode(event: AnyEvent, encoding: Encoding = JSON) -> bytes:
     """One event as one element. CodecError for text that is not UTF-8 (lone surrogates) or an unknown encoding."""
+    encoder = _ENCODERS.get(encoding)
+    if encoder is None:
+        raise CodecError(_unknown(encoding))
     try:
-        if encoding == JSON:
-            return _JSON_ENCODER.encode(event)
-        _known(encoding)
-        return _MSGPACK_ENCODER.encode(event)
+        return encoder(event)
     except UnicodeEncodeError as error:
         raise CodecError(f"text is not encodable as UTF-8: {error.reason}") from None
 
@@ -143,25 +146,29 @@ def decode_one(element: bytes, encoding: Encoding = JSON, limits: Limits = DEFAU
 def _fault(event: Event, key: EventKey | None, limits: Limits) -> str:
     """Why a decoded event cannot be taken; "" when it can."""
     if key is None:
-        try:
-            if guid(event.event_class) != event.event_class:
-                return f"event_class {event.event_class!r} is not in lower case without braces"
-        except ValueError as error:
-            return f"event_class: {error}"
-    elif field := key.disagreement(event):
-        return f"{field} disagrees with the key"
-    if event.source_guid is not None:
-        try:
-            if guid(event.source_guid) != event.source_guid:
-                return f"source_guid {event.source_guid!r} is not in lower case without braces"
-        except ValueError as error:
-            return f"source_guid: {error}"
-    if event.arguments or event.json_attribute or event.source_name is not None:
-        try:
-            check_limits(event, limits)
-        except LimitError as error:
-            return str(error)
+        if fault := _guid_fault("event_class", event.event_class):
+            return fault
+    elif (
+        event.event_class != key.event_class
+        or event.severity is not key.severity
+        or event.is_alarm is not key.is_alarm
+        or event.target != key.target
+    ):
+        return f"{key.disagreement(event)} disagrees with the key"
+    if event.source_guid is not None and (fault := _guid_fault("source_guid", event.source_guid)):
+        return fault
+    try:
+        check_limits(event, limits)
+    except LimitError as error:
+        return str(error)
     return ""
+
+
+def _guid_fault(field: str, text: str) -> str:
+    try:
+        return "" if guid(text) == text else f"{field} {text!r} is not in lower case without braces"
+    except ValueError as error:
+        return f"{field}: {error}"
 
 
 def decode(payload: bytes, encoding: Encoding = JSON, key: EventKey | None = None, limits: Limits = DEFAULT_LIMITS) -> Decoded:
@@ -175,8 +182,7 @@ def decode(payload: bytes, encoding: Encoding = JSON, key: EventKey | None = Non
             events = [cast(AnyEvent, _ONE_DECODERS[JSON](payload))]
         else:
             events = _LIST_DECODERS[encoding](payload)
-        bad = [n for n, event in enumerate(events) if _fault(event, key, limits)]
-        if not bad:
+        if not any(_fault(event, key, limits) for event in events):
             return Decoded(events, rejected)
     except (*_HOSTILE, KeyError):
         pass

@@ -206,21 +206,27 @@ def measure(event: Event) -> int:
 
 def check_limits(event: Event, limits: Limits = DEFAULT_LIMITS) -> None:
     """Return when the event fits; else LimitError with the limit, the measured size and the field."""
-    name = event.source_name
-    if name is not None and len(name) > limits.source_name_chars:
-        raise LimitError("source_name_chars", "source_name", len(name), limits.source_name_chars)
-    arguments = event.arguments
-    packed = 0
+    name, arguments = event.source_name, event.arguments
+    bound = 512 + 4 * len(event.json_attribute)
+    if name is not None:
+        if len(name) > limits.source_name_chars:
+            raise LimitError("source_name_chars", "source_name", len(name), limits.source_name_chars)
+        bound += 4 * len(name)
     if arguments:
-        if len(arguments) > limits.arguments:
-            raise LimitError("arguments", "arguments", len(arguments), limits.arguments)
-        packed = argument_bytes(arguments)
-        if packed > limits.argument_bytes:
+        # Most events are far below: an argument is at most 24 bytes and four per character.
+        count, chars = len(arguments), 0
+        for argument in arguments:
+            chars += len(argument.value)
+        packed = 24 * count + 4 * chars
+        if count > limits.arguments:
+            raise LimitError("arguments", "arguments", count, limits.arguments)
+        if packed > limits.argument_bytes and (packed := argument_bytes(arguments)) > limits.argument_bytes:
             raise LimitError("argument_bytes", "arguments", packed, limits.argument_bytes)
-    # Without a long text nothing can reach the total: four bytes per character is the most UTF-8 needs.
-    if 4 * (len(event.json_attribute) + len(name or "")) + packed + 512 <= limits.event_bytes:
+        bound += packed + _ARGUMENT_TYPE_BYTES * count
+    if bound <= limits.event_bytes:
         return
     size = measure(event)
     if size > limits.event_bytes:
-        longest = "json_attribute" if len(event.json_attribute) >= len(name or "") else "source_name"
-        raise LimitError("event_bytes", longest, size, limits.event_bytes)
+        sizes = {"json_attribute": utf8_size(event.json_attribute), "source_name": utf8_size(name or "")}
+        sizes["arguments"] = argument_bytes(arguments)
+        raise LimitError("event_bytes", max(sizes, key=sizes.__getitem__), size, limits.event_bytes)
