@@ -332,52 +332,55 @@ def step(alarm: Alarm | None, event: AlarmEvent) -> Alarm | None:
 class AlarmTable:
     """All alarms of one or more targets, folded from their events.
 
-    Events of one session may come in any order between keys, so each alarm remembers the last event it took, a disposed one
-    too. Sessions of a target follow each other: an event of a session that another one has replaced for that alarm is stale.
+    Events may come in any order between alarms, so each alarm remembers the sessions it took events of and how far each came,
+    a disposed one too. Sessions of a target follow each other: an event of a session that another one has replaced, for that
+    alarm or by a snapshot, is stale.
     """
 
     def __init__(self) -> None:
         self.alarms: dict[AlarmKey, Alarm] = {}
-        self._gone: dict[AlarmKey, tuple[str, int]] = {}
-        self._rank: dict[str, int] = {}
-        self._base: dict[str, int] = {}
+        self._seen: dict[AlarmKey, dict[str, int]] = {}
+        self._replaced: set[str] = set()
+        self._base: dict[str, tuple[str | None, int]] = {}
 
     def load(self, alarms: Iterable[Alarm], session: str = "", seq: int = 0, target: str | None = None) -> None:
         """Take over a snapshot: the state of a target (None: of everything) after `seq` events of `session`."""
         self.alarms = {} if target is None else {k: a for k, a in self.alarms.items() if k.target != target}
-        self._gone = {} if target is None else {k: g for k, g in self._gone.items() if k.target != target}
+        seen, self._seen = self._seen, {}
+        former = {old for old, (name, _) in self._base.items() if target in (None, name)}
+        for key, sessions in seen.items():
+            if target in (None, key.target):
+                former.update(sessions)
+            else:
+                self._seen[key] = sessions
         for alarm in alarms:
             self.alarms[alarm.key] = alarm
-            self._rank.setdefault(alarm.session, len(self._rank))
+            self._seen[alarm.key] = {alarm.session: alarm.seq}
+            former.add(alarm.session)
         if session:
-            self._rank[session] = len(self._rank) + 1
-            self._base[session] = seq
+            self._replaced = (self._replaced | former) - {session, ""}
+            self._base[session] = (target, seq)
 
     def apply(self, event: AlarmEvent) -> bool:
         """Fold one event in; False when it was seen before or is stale."""
-        rank = self._rank.setdefault(event.session, len(self._rank) + 1)
-        if event.seq and event.seq <= self._base.get(event.session, 0):
+        session, seq = event.session, event.seq
+        if session in self._replaced or 0 < seq <= self.base(session):
             return False
         key = alarm_key(event)
-        alarm = self.alarms.get(key)
-        session, seq = (alarm.session, alarm.seq) if alarm is not None else self._gone.get(key, ("", 0))
-        if session == event.session:
-            if event.seq and event.seq <= seq:
-                return False
-        elif session and self._rank.get(session, 0) > rank:
+        seen = self._seen.setdefault(key, {})
+        if session in seen and (session != next(reversed(seen)) or 0 < seq <= seen[session]):
             return False
-        after = step(alarm, event)
+        seen[session] = seq
+        after = step(self.alarms.get(key), event)
         if after is None:
             self.alarms.pop(key, None)
-            self._gone[key] = (event.session, event.seq)
         else:
             self.alarms[key] = after
-            self._gone.pop(key, None)
         return True
 
     def base(self, session: str) -> int:
         """Up to which seq of a session the loaded snapshot reached; 0 without one."""
-        return self._base.get(session, 0)
+        return self._base.get(session, ("", 0))[1]
 
     def put(self, alarm: Alarm) -> None:
         """Set one alarm as it is (a created one, which no event announces)."""

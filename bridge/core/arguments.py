@@ -15,7 +15,7 @@ import math
 import re
 import struct
 from enum import IntEnum
-from typing import Final, TypeAlias
+from typing import Annotated, Final, TypeAlias
 
 import msgspec
 
@@ -141,9 +141,9 @@ def _text_of(kind: ArgumentType, value: Value) -> str:
 
 
 class Argument(msgspec.Struct, frozen=True, gc=False):
-    """One typed argument. `type` is a number because unknown types are carried; `value` is its exact text."""
+    """One typed argument. `type` is a 16-bit number because unknown types are carried; `value` is its exact text."""
 
-    type: int
+    type: Annotated[int, msgspec.Meta(ge=0, le=2**16 - 1)]
     value: str
 
     @classmethod
@@ -166,7 +166,8 @@ class Argument(msgspec.Struct, frozen=True, gc=False):
         text = self.value
         try:
             if kind in _RANGES:
-                return int(text) if _INTEGER.fullmatch(text) else text
+                low, high = _RANGES[kind]
+                return int(text) if _INTEGER.fullmatch(text) and low <= int(text) <= high else text
             match kind:
                 case _T.BOOLEAN:
                     return {"true": True, "false": False}.get(text, text)
@@ -174,7 +175,7 @@ class Argument(msgspec.Struct, frozen=True, gc=False):
                     return float(text)
                 case _T.EVENT_REFERENCE:
                     class_text, mark, id_text = text.rpartition("#")
-                    if not mark or not _INTEGER.fullmatch(id_text):
+                    if not mark or not _INTEGER.fullmatch(id_text) or not 0 <= int(id_text) < 2**32:
                         return text
                     return EventReference(int(id_text), guid(class_text) if class_text else None)
                 case _T.BLOB | _T.ADS_NOTIFICATION_STREAM:

@@ -80,12 +80,16 @@ class EventKey(msgspec.Struct, frozen=True):
 
 
 class Selection(msgspec.Struct, frozen=True):
-    """A set of event keys: None takes every value of that chunk."""
+    """A set of event keys: None takes every value of that chunk. ValueError for a class that is no GUID."""
 
     target: str | None = None
     event_class: str | None = None
     is_alarm: bool | None = None
     severity: Severity | None = None
+
+    def __post_init__(self) -> None:
+        if self.event_class is not None:
+            msgspec.structs.force_setattr(self, "event_class", guid(self.event_class))
 
 
 @lru_cache(maxsize=65536)
@@ -135,7 +139,7 @@ def expression(realm: str, selection: Selection) -> str:
             escape(realm),
             "*" if selection.target is None else escape(selection.target),
             EVENT,
-            "*" if selection.event_class is None else guid(selection.event_class),
+            "*" if selection.event_class is None else selection.event_class,
             "*" if selection.is_alarm is None else _TYPES[selection.is_alarm],
             "*" if selection.severity is None else _SEVERITIES[selection.severity],
         )

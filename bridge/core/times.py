@@ -19,7 +19,9 @@ MAX_TIME_NS: Final = 2**63 - 1
 """The largest time that SQLite's INTEGER and MCAP's timestamps both hold: 2262-04-11T23:47:16.854775807Z."""
 
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
-_TEXT: Final = re.compile(r"(\d{4})-(\d{2})-(\d{2})(?:[T ](\d{2}):(\d{2})(?::(\d{2})(?:\.(\d{1,9}))?)?(Z|[+-]\d{2}:\d{2})?)?")
+_TEXT: Final = re.compile(
+    r"(\d{4})-(\d{2})-(\d{2})(?:[T ](\d{2}):(\d{2})(?::(\d{2})(?:\.(\d{1,9}))?)?(Z|[+-](?:[01]\d|2[0-3]):[0-5]\d)?)?", re.ASCII
+)
 
 
 class TimeError(ValueError):
