@@ -32,7 +32,7 @@ from bridge.core.events import (
     is_active,
 )
 from bridge.core.filters.ast import And, Compare, Everything, Expr, resolve
-from bridge.core.filters.cover import cover
+from bridge.core.filters.cover import cover, residual
 from bridge.core.filters.predicate import compile_filter
 from bridge.core.filters.text import parse
 from bridge.core.questions import LogPart, LogQuestion, StatePart
@@ -86,7 +86,7 @@ class Snapshot(msgspec.Struct, frozen=True):
     alarms: tuple[Alarm, ...]
 
 
-Notice: TypeAlias = Dropped | Gap | Rejected | TailUnknown
+Notice: TypeAlias = "Dropped | Gap | Rejected | TailUnknown | TwoLoggers"
 Item: TypeAlias = AnyEvent | Heard | Notice
 
 
@@ -102,6 +102,13 @@ class ListenerCounters(msgspec.Struct):
     rejected_payloads: int = 0
     rejected_events: int = 0
     tails_unknown: int = 0
+
+
+class TwoLoggers(msgspec.Struct, frozen=True):
+    """Two loggers answer for a target now, as after a healed partition: its state stays as it was until one steps back."""
+
+    target: str
+    sessions: tuple[str, ...]
 
 
 class TwoLoggersError(RuntimeError):
@@ -146,7 +153,8 @@ class Listener:
         self.tracker = Tracker()
         self._matches = None if isinstance(expr, Everything) else compile_filter(expr)
         self._cover = cover(expr)
-        self._needs_check = self._matches is not None and not self._cover.exact
+        left = residual(expr)
+        self._check = None if isinstance(left, Everything) else compile_filter(left)
         self._limits, self._keep_bytes = limits, keep_bytes
         self._elements: dict[int, Heard] = {}
         self._inbox: Inbox[AnyEvent | Heard | Notice] = Inbox(
@@ -247,9 +255,8 @@ class Listener:
     def _accept(self, events: list[AnyEvent], out: list[Item]) -> None:
         if self._table is not None and events[0].is_alarm:
             events = [event for event in events if self._fold(event, out)]
-        if self._needs_check and self._matches is not None:
-            matches = self._matches
-            events = [event for event in events if matches(event)]
+        if (check := self._check) is not None:
+            events = [event for event in events if check(event)]
         self.counters.passed += len(events)
         if self._keep_bytes:
             out.extend([self._elements[id(event)] for event in events])

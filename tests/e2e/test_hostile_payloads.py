@@ -80,14 +80,19 @@ def test_ten_thousand_mutated_payloads_among_good_ones(bus_config: BusConfig) ->
             publisher.close()
             assert listener.wait_for_final(publisher.session)
             # What was put without a publisher is numbered by nobody: wait until it has all been drained.
-            while listener.counters.payloads < MUTATED + publisher.counters.puts:
-                assert listener.get(10) is not None
-        items = list(listener)
+            items = []
+            while listener.counters.payloads < MUTATED + STRANGE_KEYS + publisher.counters.puts:
+                items.append(listener.get(10))
+                assert items[-1] is not None
+        items.extend(listener)
         counters = listener.counters
-    assert counters.rejected_payloads == rejected_payloads
+    assert counters.rejected_payloads == rejected_payloads + STRANGE_KEYS
     assert counters.rejected_events == rejected_events
+    assert sum(isinstance(item, Rejected) for item in items) == rejected_payloads + rejected_events + STRANGE_KEYS
+    assert counters.received == accepted + GOOD
+    good = [item for item in items if isinstance(item, MessageSent) and item.session == publisher.session]
+    assert [item.seq for item in good] == list(range(1, GOOD + 1))
     assert counters.missing == 0
-    del items
 
 
 def test_good_events_pass_between_bad_ones(bus_config: BusConfig) -> None:
