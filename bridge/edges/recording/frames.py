@@ -36,7 +36,8 @@ _MESSAGE: Final = struct.Struct("<HIQQ")
 _U32: Final = struct.Struct("<I")
 _U64: Final = struct.Struct("<Q")
 _FOOTER_BYTES: Final = _HEAD.size + 20
-_HOSTILE: Final = (McapError, struct.error, UnicodeDecodeError)
+HOSTILE: Final = (McapError, struct.error, UnicodeDecodeError, OverflowError, MemoryError)
+"""What mcap's parsers raise on bytes that are no record."""
 _OWN_RECORDS: Final = (Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT, Opcode.METADATA)
 _CARRIES_EVENTS: Final = (Opcode.CHUNK, Opcode.MESSAGE, Opcode.CHANNEL, Opcode.SCHEMA)
 
@@ -105,6 +106,13 @@ def _unpacked(compression: bytes, data: bytes, size: int) -> bytes:
     except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError) as error:
         raise ValueError(f"does not unpack: {error}") from None
     raise ValueError(f"compression {compression!r} is not known")
+
+
+def record_body(file: BinaryIO) -> bytes:
+    """The body of the record at the file's position; b"" when it is longer than is read."""
+    head = file.read(_HEAD.size)
+    length = _HEAD.unpack(head)[1] if len(head) == _HEAD.size else 0
+    return file.read(length) if length <= MAX_CHUNK_BYTES else b""
 
 
 def chunk_data(body: bytes, strict: bool) -> bytes:
@@ -187,7 +195,7 @@ class Frames:
             for opcode, offset, body in self._data_section():
                 try:
                     yield from self._messages_of(opcode, offset, body)
-                except _HOSTILE as error:
+                except HOSTILE as error:
                     raise _Damaged(offset, f"{_name(opcode)} record: {error or type(error).__name__}") from None
         except _Damaged as error:
             self.damage = error.damage
@@ -213,8 +221,8 @@ class Frames:
 
     def attachment(self, place: AttachmentPlace) -> Attachment:
         """An attachment that was passed. Call it when reading is over."""
-        self._file.seek(place.offset + _HEAD.size)
-        attachment: Attachment = Attachment.read(ReadDataStream(self._file))
+        self._file.seek(place.offset)
+        attachment: Attachment = Attachment.read(ReadDataStream(BytesIO(record_body(self._file))))
         return attachment
 
     def _read(self, size: int) -> bytes:
@@ -256,7 +264,7 @@ class Frames:
             raise _Damaged(self.end, f"{_name(opcode)} record where the header should stand")
         try:
             header = Header.read(ReadDataStream(BytesIO(body)))
-        except _HOSTILE as error:
+        except HOSTILE as error:
             raise _Damaged(self.end, f"header record: {error or type(error).__name__}") from None
         self.profile, self.library = header.profile, header.library
         self.strict = header.profile == PROFILE and header.library.startswith(OWN_LIBRARY)
@@ -289,7 +297,7 @@ class Frames:
                     right = _spelled(Metadata.read(ReadDataStream(BytesIO(body))), body)
                 case _:
                     right = True
-        except _HOSTILE:
+        except HOSTILE:
             right = False
         if not right:
             raise _Damaged(offset, f"{_name(opcode)} record is damaged")

@@ -10,12 +10,12 @@ from io import BytesIO
 from typing import BinaryIO, Final
 
 import msgspec
-from mcap.exceptions import McapError
+from mcap.data_stream import ReadDataStream
 from mcap.records import AttachmentIndex, Channel, Metadata, MetadataIndex, Statistics
 from mcap.stream_reader import StreamReader
 
 from bridge.core.events import DEFAULT_LIMITS, Limits
-from bridge.edges.recording.frames import MAGIC, Damage, Frames, summary_fault
+from bridge.edges.recording.frames import HOSTILE, MAGIC, Damage, Frames, record_body, summary_fault
 from bridge.edges.recording.layout import (
     ABOUT_METADATA,
     MAX_CHUNK_BYTES,
@@ -30,7 +30,6 @@ from bridge.edges.recording.reader import Interpretation
 from bridge.edges.recording.tally import Tally, Totals
 
 _FOOTER_AND_MAGIC: Final = 9 + 20 + 8
-_HOSTILE: Final = (McapError, ValueError, OSError)
 
 
 class ChannelInfo(msgspec.Struct, frozen=True):
@@ -118,7 +117,7 @@ def _from_summary(path: str | os.PathLike[str]) -> RecordingInfo | None:
             return None  # another tool wrote or changed it: its messages may not be those of the summary
         try:
             return _told(os.fspath(path), file, frames.size)
-        except _HOSTILE:
+        except (*HOSTILE, ValueError, OSError):
             return None
 
 
@@ -168,5 +167,5 @@ def _metadata(file: BinaryIO, offset: int | None) -> dict[str, str]:
     if offset is None:
         return {}
     file.seek(offset)
-    record = next(StreamReader(file, skip_magic=True, record_size_limit=MAX_CHUNK_BYTES).records)
-    return record.metadata if isinstance(record, Metadata) else {}
+    record: Metadata = Metadata.read(ReadDataStream(BytesIO(record_body(file))))
+    return record.metadata

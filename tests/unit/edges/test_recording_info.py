@@ -104,6 +104,18 @@ def test_a_damaged_file_is_not_complete(tmp_path: Path) -> None:
     assert (info.from_summary, info.totals.events, info.complete) == (False, 1, "no")
 
 
+def test_a_summary_in_doubt_is_not_asked(tmp_path: Path) -> None:
+    """Neither one with a wrong CRC nor one in a file whose header names another tool."""
+    path = tmp_path / "a.mcap"
+    write_story(path)
+    whole = path.read_bytes()
+    assert summary(path).from_summary
+    path.write_bytes(whole[:-200] + bytes((whole[-200] ^ 1,)) + whole[-199:])
+    assert not summary(path).from_summary
+    path.write_bytes(whole.replace(b"tcbridge/", b"xcbridge/", 1))
+    assert not summary(path).from_summary
+
+
 def test_a_file_without_counts_is_read_through(tmp_path: Path) -> None:
     """A foreign tool's file has no counts of ours; nobody can say whether it is complete."""
     path = tmp_path / "a.mcap"

@@ -20,7 +20,7 @@ from bridge.edges.recording import (
     read_events,
 )
 from bridge.edges.recording import reader as reader_module
-from bridge.edges.recording.layout import PROFILE
+from bridge.edges.recording.layout import PROFILE, StatePart
 from tests.unit.edges.recording_stories import (
     ABOUT,
     AXIS,
@@ -146,6 +146,20 @@ def test_an_element_that_is_no_event_is_shown_not_hidden(tmp_path: Path) -> None
     reasons = [item.rejected.reason for item in items if isinstance(item, RecordedRejected)]
     assert "missing required field" in reasons[0]
     assert "disagrees with the channel" in reasons[1]
+
+
+def test_a_keyframe_with_a_missing_part_is_not_a_keyframe(tmp_path: Path) -> None:
+    """Half of the alarms would be a wrong state; the next whole keyframe is taken."""
+    path = tmp_path / "a.mcap"
+    with open(path, "wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel("/state", "json", 0)
+        for number, (part, parts) in enumerate([(2, 2), (1, 3), (3, 3), (1, 2), (2, 3), (1, 2), (2, 2)]):
+            body = StatePart(realm="live", target="t", session="s", seq=number, part=part, parts=parts)
+            writer.add_message(channel, number, msgspec.json.encode(body), number)
+        writer.finish()  # type: ignore[no-untyped-call]
+    assert [item.log_time_ns for item in everything(path)] == [6]
 
 
 def test_limits_are_those_the_recorder_was_told(tmp_path: Path) -> None:

@@ -145,6 +145,19 @@ def test_a_torn_index_is_no_loss_but_a_torn_chunk_is_set_aside(tmp_path: Path) -
     assert {(True, True), (False, True)} <= seen
 
 
+def test_a_fault_in_the_middle_is_set_aside_whatever_it_hit(tmp_path: Path) -> None:
+    """Even a damaged index between two chunks: good chunks may stand behind it."""
+    active = leftover(tmp_path)
+    data = bytearray(active.read_bytes())
+    index = next(place for place in range(len(data)) if data[place] == 0x07 and data[place + 2 : place + 9] == bytes(7))
+    data[index + 11] ^= 1
+    active.write_bytes(bytes(data))
+    recovered = recover(active)
+    assert recovered.damage is not None
+    assert "message index" in recovered.damage.reason
+    assert recovered.damaged_path == tmp_path / "night.mcap.damaged"
+
+
 def test_an_earlier_damaged_file_is_kept(tmp_path: Path) -> None:
     """The next one gets a number."""
     (tmp_path / "night.mcap.damaged").write_bytes(b"earlier")
