@@ -68,6 +68,13 @@ class TailUnknown(msgspec.Struct, frozen=True):
     session: str
 
 
+class TwoLoggers(msgspec.Struct, frozen=True):
+    """Two loggers answer for a target now, as after a healed partition: its state stays as it was until one steps back."""
+
+    target: str
+    sessions: tuple[str, ...]
+
+
 class Heard(msgspec.Struct, frozen=True, gc=False):
     """An event with the bytes it came in and when it came (Unix ns): what a recorder wants."""
 
@@ -86,7 +93,7 @@ class Snapshot(msgspec.Struct, frozen=True):
     alarms: tuple[Alarm, ...]
 
 
-Notice: TypeAlias = "Dropped | Gap | Rejected | TailUnknown | TwoLoggers"
+Notice: TypeAlias = Dropped | Gap | Rejected | TailUnknown | TwoLoggers
 Item: TypeAlias = AnyEvent | Heard | Notice
 
 
@@ -102,13 +109,6 @@ class ListenerCounters(msgspec.Struct):
     rejected_payloads: int = 0
     rejected_events: int = 0
     tails_unknown: int = 0
-
-
-class TwoLoggers(msgspec.Struct, frozen=True):
-    """Two loggers answer for a target now, as after a healed partition: its state stays as it was until one steps back."""
-
-    target: str
-    sessions: tuple[str, ...]
 
 
 class TwoLoggersError(RuntimeError):
@@ -164,6 +164,8 @@ class Listener:
         self._closed = threading.Event()
         self._table = AlarmTable() if with_state else None
         self._loggers: dict[str, str] = {}
+        self._doubles: set[TwoLoggers] = set()
+        self._tokens: dict[str, set[str]] = {}
         self._final: set[str] = set()
         self._sessions: dict[str, str] = {}
         self._selected: dict[str, bool] = {}
@@ -269,7 +271,7 @@ class Listener:
         if self._table is None or isinstance(event, MessageSent):
             return True
         if self._loggers.get(event.target) != event.session:
-            self._resync(event.target)
+            self._resync(event.target, out)
             owner = self._loggers.get(event.target)
             if owner is not None and owner != event.session:
                 self.counters.rejected_events += 1
@@ -279,8 +281,11 @@ class Listener:
         self._table.apply(event)
         return True
 
-    def _resync(self, target: str | None) -> None:
-        """Ask for the state; with target None of every logger there is. No answer leaves what is known."""
+    def _resync(self, target: str | None, out: list[Item] | None = None) -> None:
+        """Ask for the state; with target None of every logger there is. No answer leaves what is known.
+
+        Two answers for a target leave it too: TwoLoggers goes to `out`, once for the same two; without it TwoLoggersError.
+        """
         if self._table is None:
             return
         parts: dict[tuple[str, str], list[StatePart]] = {}
@@ -299,9 +304,14 @@ class Listener:
             owners.setdefault(name, []).append(session)
         for name, sessions in owners.items():
             if len(sessions) > 1:
-                raise TwoLoggersError(name, sessions)
+                if out is None:
+                    raise TwoLoggersError(name, sessions)
+                both = TwoLoggers(name, tuple(sorted(sessions)))
+                if both not in self._doubles:
+                    self._doubles.add(both)
+                    out.append(both)
         for (name, session), found in parts.items():
-            if len({part.seq for part in found}) != 1 or len(found) != found[0].parts:
+            if len(owners[name]) > 1 or len({part.seq for part in found}) != 1 or len(found) != found[0].parts:
                 continue
             alarms = [alarm for part in found for alarm in part.alarms]
             self._table.load(alarms, session, found[0].seq, target=name)
@@ -353,7 +363,7 @@ class Listener:
             self._accept([event], out)
         self.tracker.pass_over(missing)
         if lost and self._table is not None and "/alarm/" in missing.key:
-            self._resync(target)
+            self._resync(target, out)
 
     def _report_holes(self, missing: Missing, found: dict[int, AnyEvent], reason: str, out: list[Item]) -> None:
         start: int | None = None
@@ -435,7 +445,7 @@ class Listener:
             if look:
                 return bool(tails)
             if self._table is not None and beat.role == "logger" and self._loggers.get(beat.target) != beat.session:
-                self._resync(beat.target)
+                self._resync(beat.target, out)
             for tail in tails:
                 self._recover(beat.target, tail, out)
             if beat.unsent and beat.final:
@@ -454,8 +464,16 @@ class Listener:
         with contextlib.suppress(keys.KeyFormatError, IndexError):
             _, target, _, parts = keys.parse_verb_key(key)
             session = parts[1]
+            tokens = self._tokens.setdefault(session, set())
             if there:
+                tokens.add(key)
                 self._sessions[session] = target
+                return
+            tokens.discard(key)
+            if tokens:  # it lives on in another role: a logger that has stepped back
+                with self._work:
+                    if self._loggers.get(target) == session:
+                        del self._loggers[target]
             elif session in self._sessions:
                 # The final beat comes through another queue: give it the time that tails get.
                 self._closed.wait(RECHECK_S)

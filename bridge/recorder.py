@@ -22,7 +22,7 @@ from bridge.edges.bus import Bus
 from bridge.edges.recording import About, Attachment, Compression, Gap, RecordingError, RecordingWriter, StateFrame, Totals
 from bridge.inbox import Dropped
 from bridge.listener import Gap as MissingHere
-from bridge.listener import Heard, Item, Listener, Rejected, TailUnknown
+from bridge.listener import Heard, Item, Listener, Rejected, TailUnknown, TwoLoggers
 
 QUEUE_EVENTS: Final = 1_000_000
 TRANSITION_FLUSH_S: Final = 0.005
@@ -153,6 +153,8 @@ class Recorder:
                 self._writer.add_rejected(key, "", raw, reason, self._clock())
             case TailUnknown(_, session):
                 self._silent.append(session)
+            case TwoLoggers():
+                pass  # both are heard and recorded, each under its session
             case _:
                 raise TypeError(f"{type(item).__name__} cannot be recorded")
         return False

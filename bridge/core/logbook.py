@@ -5,13 +5,13 @@ command that cannot be sent has not happened.
 Rule 2: a command is carried out once per id. The last ANSWERS_KEPT answers are kept; an older id is judged by the alarm's
 state alone. The id of one command used for another is refused.
 Rule 3: alarm transitions come from this logger only. arrived() takes messages of others and refuses their transitions;
-replay() takes all that was recorded.
+replay() takes all that was recorded; follow() takes what a listener has folded in.
 Rule 4: a unique id belongs to a message or to an alarm life and is given when it is stored. A life begins with its raise, so
 a second raise begins another one.
 Rule 5: no clock here. "Now" comes in with each call.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Final, TypeAlias
 
 import msgspec
@@ -211,8 +211,16 @@ class Logbook:
         """An event of any kind that is folded in as it is: recorded, or this logger's own. Seen before, it changes no alarm."""
         if isinstance(event, MessageSent):
             return self.message(event, arrival_ns)
+        return self._numbered(event, arrival_ns, self.table.apply(event))
+
+    def follow(self, event: AnyEvent, arrival_ns: int) -> Changes:
+        """An event that the table has taken in already, because a listener keeps it (adopt)."""
+        if isinstance(event, MessageSent):
+            return self.message(event, arrival_ns)
+        return self._numbered(event, arrival_ns, True)
+
+    def _numbered(self, event: AlarmEvent, arrival_ns: int, changed: bool) -> Changes:
         key = alarm_key(event)
-        changed = self.table.apply(event)
         unique_id = self._lives.get(key, 0)
         if not unique_id or (changed and isinstance(event, AlarmRaised)):
             unique_id = self._new_id()
@@ -228,16 +236,23 @@ class Logbook:
 
     def load_state(self, target: str, session: str, seq: int, alarms: Iterable[Alarm]) -> Changes:
         """Take over the state of a target after `seq` events of `session`, in place of what is known of it."""
-        before = {key for key in self.table.alarms if key.target == target}
         self.table.load(alarms, session, seq, target)
-        now = {key: alarm for key, alarm in self.table.alarms.items() if key.target == target}
-        for key in before - now.keys():
-            self._lives.pop(key, None)
-        for key, alarm in now.items():
-            if not self._lives.get(key) and alarm.was_raised:
+        return self._rewritten()
+
+    def adopt(self, table: AlarmTable) -> Changes:
+        """Use a table that somebody else keeps from now on; all of it is written anew."""
+        self.table = table
+        return self._rewritten()
+
+    def _rewritten(self) -> Changes:
+        alarms = dict(self.table.alarms)
+        gone = tuple(key for key in self._lives if key not in alarms)
+        for key in gone:
+            del self._lives[key]
+        for key, alarm in alarms.items():
+            if not self._lives.setdefault(key, 0) and alarm.was_raised:
                 self._lives[key] = self._new_id()
-        kept = tuple(Kept(self._lives.get(key, 0), alarm) for key, alarm in now.items())
-        return Changes((), kept, tuple(before - now.keys()))
+        return Changes((), tuple(Kept(self._lives[key], alarm) for key, alarm in alarms.items()), gone)
 
     @staticmethod
     def _stored(event: AnyEvent, arrival_ns: int, unique_id: int) -> Stored:
@@ -266,11 +281,6 @@ class Logbook:
             )
             for part in range(count)
         ]
-
-    def kept(self) -> Iterator[Kept]:
-        """Every alarm there is, with the unique id of its life."""
-        for key, alarm in self.table.alarms.items():
-            yield Kept(self._lives.get(key, 0), alarm)
 
 
 def _as_event(alarm: Alarm) -> AlarmDisposed:

@@ -2,6 +2,7 @@
 
 from bridge.logger.book import Book, NotFreshError
 from bridge.logger.commands import Commands
+from bridge.logger.mirror import Mirror, MirrorCounters
 from bridge.logger.proxy import CommandUnknownError, LoggerProxy, NoLoggerError
 from bridge.logger.service import EventLogger, LoggerCounters, TargetTakenError
 
@@ -12,6 +13,8 @@ __all__ = [
     "EventLogger",
     "LoggerCounters",
     "LoggerProxy",
+    "Mirror",
+    "MirrorCounters",
     "NoLoggerError",
     "NotFreshError",
     "TargetTakenError",

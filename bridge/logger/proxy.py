@@ -5,6 +5,7 @@ is up; then the state is read back and CommandUnknownError says what is known.
 Rule 2: exactly one logger answers for a target. Two are an error (TwoLoggersError); one that has stepped back does not count.
 """
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -17,10 +18,13 @@ from bridge.core import codec, keys
 from bridge.core.alarms import Alarm, AlarmKey
 from bridge.core.arguments import Argument, Value
 from bridge.core.events import DEFAULT_LIMITS, Limits, MessageSent, Severity, Source
+from bridge.core.filters.ast import UnknownClassError
+from bridge.core.filters.text import parse
 from bridge.core.questions import CommandAnswer, CommandQuestion, LogPart, LogQuestion, StatePart, Stored
-from bridge.edges.bus import Answer, Bus, Closable
+from bridge.edges.bus import Answer, Bus
 from bridge.listener import TwoLoggersError
 from bridge.logger.commands import Commands
+from bridge.logger.presence import Presence
 from bridge.publisher import Publisher, default_source
 
 _STEP_S: Final = 0.02
@@ -77,51 +81,34 @@ class LoggerProxy(Commands):
         self.bus, self.realm, self.timeout_s = bus, realm, timeout_s
         self._encoding, self._limits = encoding, limits
         self._on_connection = on_connection
-        self._watch: Closable | None = None
-        self._there: set[str] = set()
-        self._change = threading.Condition()
+        self._presence: Presence | None = None
         self._publisher: Publisher | None = None
+        self._lock = threading.Lock()
 
     # Connection.
 
     def connect(self, timeout_s: float | None = None) -> bool:
         """Watch for the logger and wait until it is there; False when it is not in time (it may come later)."""
-        if self._watch is None:
-            self._watch = self.bus.watch_alive(
-                keys.verb_key(self.realm, self.target, "@alive", "logger", None), self._logger_seen
-            )
-        with self._change:
-            return self._change.wait_for(lambda: bool(self._there), self.timeout_s if timeout_s is None else timeout_s)
+        with self._lock:
+            if self._presence is None:
+                self._presence = Presence(self.bus, self.target, self.realm, self._on_connection)
+            presence = self._presence
+        return presence.wait(self.timeout_s if timeout_s is None else timeout_s)
 
     def disconnect(self) -> int:
         """Stop watching and close what send_message() opened; how many messages could not be sent."""
-        watch, self._watch = self._watch, None
-        publisher, self._publisher = self._publisher, None
-        if watch is not None:
-            watch.close()
-        with self._change:
-            was_there = bool(self._there)
-            self._there.clear()
-            self._change.notify_all()
-        if was_there and self._on_connection is not None:
-            self._on_connection(False)
+        with self._lock:
+            presence, self._presence = self._presence, None
+            publisher, self._publisher = self._publisher, None
+        if presence is not None:
+            presence.close()
         return publisher.close() if publisher is not None else 0
 
     @property
     def is_connected(self) -> bool:
-        """Whether the logger is there, as far as connect() or its watch has seen."""
-        return bool(self._there)
-
-    def _logger_seen(self, key: str, there: bool) -> None:
-        with self._change:
-            if self._watch is None and not there:
-                return
-            before = bool(self._there)
-            (self._there.add if there else self._there.discard)(key)
-            after = bool(self._there)
-            self._change.notify_all()
-        if before != after and self._on_connection is not None:
-            self._on_connection(after)
+        """Whether the logger is there; False before connect()."""
+        presence = self._presence
+        return presence is not None and bool(presence.sessions)
 
     # Asking.
 
@@ -171,26 +158,35 @@ class LoggerProxy(Commands):
         return state
 
     def log(self, question: LogQuestion | None = None) -> Iterator[Stored]:
-        """Stored events, as they come. NoLoggerError when nobody answers or the answer breaks off; reason for a bad filter."""
-        payload = msgspec.json.encode(question or LogQuestion())
-        session, expected, reason = "", 0, ""
-        done = False
-        for answer in self.bus.ask_each(keys.verb_key(self.realm, self.target, "@log"), payload, timeout_s=_LOG_S):
+        """Stored events, as they come.
+
+        FilterSyntaxError or AdsError for a bad filter; NoLoggerError when nobody answers, the answer breaks off, or the logger
+        refuses (it does not know a class name, say).
+        """
+        question = question or LogQuestion()
+        if question.filter:
+            with contextlib.suppress(UnknownClassError):  # the logger may know classes that we do not
+                parse(question.filter, resolve_class=self._resolve_class)
+        return self._log(question)
+
+    def _log(self, question: LogQuestion) -> Iterator[Stored]:
+        spare: dict[str, list[LogPart]] = {}
+        reason = ""
+        taken = _Parts(self.target)
+        key = keys.verb_key(self.realm, self.target, "@log")
+        for answer in self.bus.ask_each(key, msgspec.json.encode(question), timeout_s=_LOG_S):
             part = _read(answer, LogPart)
             if isinstance(part, str):
                 reason = part
-                continue
-            if part.session != session:
-                if session:
-                    raise TwoLoggersError(self.target, sorted((session, part.session)))
-                session = part.session
-            if part.part != expected:
-                raise NoLoggerError(self.target, "@log", f"part {expected} of the answer is missing")
-            expected += 1
-            done = part.last
-            yield from part.events
-        if not done:
-            raise NoLoggerError(self.target, "@log", reason or ("the answer breaks off" if session else ""))
+            elif part.read_only:
+                spare.setdefault(part.session, []).append(part)
+            else:
+                yield from taken.take(part)
+        if not taken.session and len(spare) == 1:
+            for part in next(iter(spare.values())):
+                yield from taken.take(part)
+        if not taken.done:
+            raise NoLoggerError(self.target, "@log", reason or ("the answer breaks off" if taken.session else ""))
 
     # Sending.
 
@@ -214,7 +210,7 @@ class LoggerProxy(Commands):
         """
         if source is None:
             source = default_source(self._object_id, depth=2)
-        with self._change:
+        with self._lock:
             if self._publisher is None:
                 self._publisher = Publisher(
                     self.bus,
@@ -244,6 +240,21 @@ class LoggerProxy(Commands):
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.disconnect()
+
+
+class _Parts:
+    """The parts of one logger's answer, in order."""
+
+    def __init__(self, target: str) -> None:
+        self.target, self.session, self.next, self.done = target, "", 0, False
+
+    def take(self, part: LogPart) -> tuple[Stored, ...]:
+        if self.session not in ("", part.session):
+            raise TwoLoggersError(self.target, sorted((self.session, part.session)))
+        if part.part != self.next:
+            raise NoLoggerError(self.target, "@log", f"part {self.next} of the answer is missing")
+        self.session, self.next, self.done = part.session, self.next + 1, part.last
+        return part.events
 
 
 def _read(answer: Answer, kind: type[_T]) -> _T | str:

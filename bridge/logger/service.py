@@ -46,6 +46,7 @@ from bridge.inbox import Dropped
 from bridge.listener import Gap, Listener, Rejected
 from bridge.logger.book import Book
 from bridge.logger.commands import Commands
+from bridge.logger.presence import loggers, session_of, token_key
 from bridge.publisher import OnFull, Publisher, PublisherClosedError, QueueFullError, default_source
 
 log: Final = logging.getLogger(__name__)
@@ -73,12 +74,6 @@ class LoggerCounters(msgspec.Struct):
     rejected: int = 0
     missing: int = 0
     dropped: int = 0
-
-
-def loggers(bus: Bus, target: str, realm: str = keys.LIVE) -> set[str]:
-    """Sessions that hold the name of a target now."""
-    found = bus.who_is_alive(keys.verb_key(realm, target, "@alive", "logger", None), timeout_s=0.5)
-    return {keys.parse_verb_key(key)[3][1] for key in found}
 
 
 def _refuse_taken(bus: Bus, target: str, realm: str) -> None:
@@ -161,7 +156,7 @@ class EventLogger(Commands):
             self._follower = threading.Thread(target=self._follow, name=f"log {target}", daemon=True)
             self._follower.start()
             self._answers = self._open_answers()
-            self._watch = self.bus.watch_alive(keys.verb_key(realm, target, "@alive", "logger", None), self._logger_seen)
+            self._watch = self.bus.watch_alive(token_key(target, realm), self._logger_seen)
             self._own_bus = self.bus if bus is None else None
             opened.pop_all()
 
@@ -335,22 +330,21 @@ class EventLogger(Commands):
 
     def _logger_seen(self, key: str, there: bool) -> None:
         """Another logger of this target came or went."""
-        with contextlib.suppress(keys.KeyFormatError, IndexError):
-            session = keys.parse_verb_key(key)[3][1]
-            if not there or session == self.session or self._closing:
+        session = session_of(key)
+        if not there or session == self.session or self._closing:
+            return
+        if session > self.session:
+            log.warning("%s: session %s is a second logger; it should step back", self.target, session)
+            return
+        reason = f"session {session} is an older logger of {self.target}; this one is read-only until it is closed"
+        with self.book.lock:
+            if self.read_only or self._closing:
                 return
-            if session > self.session:
-                log.warning("%s: session %s is a second logger; it should step back", self.target, session)
-                return
-            reason = f"session {session} is an older logger of {self.target}; this one is read-only until it is closed"
-            with self.book.lock:
-                if self.read_only or self._closing:
-                    return
-                self.read_only = reason
-                self.publisher.change_role("reader")
-            log.warning("%s: %s", self.target, reason)
-            if self._on_read_only is not None:
-                self._on_read_only(reason)
+            self.read_only = reason
+            self.publisher.change_role("reader")
+        log.warning("%s: %s", self.target, reason)
+        if self._on_read_only is not None:
+            self._on_read_only(reason)
 
     # Closing.
 

@@ -1,0 +1,74 @@
+"""Which loggers of a target there are, and when that changes.
+
+Liveliness tokens say so: a logger holds @alive/logger/{session} from opening to closing, and loses it with its process.
+"""
+
+import threading
+from collections.abc import Callable
+
+from bridge.core import keys
+from bridge.edges.bus import Bus
+
+
+def token_key(target: str, realm: str, session: str | None = None) -> str:
+    """The key of a logger's token, or the expression for all of the target's."""
+    return keys.verb_key(realm, target, "@alive", "logger", session)
+
+
+def session_of(key: str) -> str:
+    """The session in a token's key. KeyFormatError when it is none."""
+    parts = keys.parse_verb_key(key)[3]
+    if len(parts) != 2:
+        raise keys.KeyFormatError(key, "@alive/<role>/<session>")
+    return parts[1]
+
+
+def loggers(bus: Bus, target: str, realm: str = keys.LIVE) -> set[str]:
+    """Sessions that hold the name of a target now."""
+    return {session_of(key) for key in bus.who_is_alive(token_key(target, realm), timeout_s=0.5)}
+
+
+class Presence:
+    """Follows the loggers of a target until closed; changed(there) is called when the first comes or the last goes."""
+
+    def __init__(self, bus: Bus, target: str, realm: str, changed: Callable[[bool], None] | None = None) -> None:
+        self._changed = changed
+        self._there: set[str] = set()
+        self._news = threading.Condition()
+        self._closed = False
+        self._watch = bus.watch_alive(token_key(target, realm), self._seen)
+
+    @property
+    def sessions(self) -> set[str]:
+        """Sessions that are there now."""
+        with self._news:
+            return set(self._there)
+
+    def _seen(self, key: str, there: bool) -> None:
+        with self._news:
+            if self._closed:
+                return
+            before = bool(self._there)
+            (self._there.add if there else self._there.discard)(session_of(key))
+            after = bool(self._there)
+            self._news.notify_all()
+        if before != after and self._changed is not None:
+            self._changed(after)
+
+    def wait(self, timeout_s: float, *, there: bool = True) -> bool:
+        """Wait until a logger is there (or none is); False when time is up."""
+        with self._news:
+            return self._news.wait_for(lambda: bool(self._there) == there, timeout_s)
+
+    def close(self) -> None:
+        """Stop following. Who was told that a logger is there is told that it is not, as far as we know."""
+        with self._news:
+            if self._closed:
+                return
+            self._closed = True
+            before = bool(self._there)
+            self._there.clear()
+            self._news.notify_all()
+        self._watch.close()
+        if before and self._changed is not None:
+            self._changed(False)
