@@ -1,0 +1,18 @@
+"""The cache of logged events: SQLite on disk or in memory."""
+
+from bridge.edges.cache.file import CacheError
+from bridge.edges.cache.queries import SessionRange
+from bridge.edges.cache.rows import RowError, StoreBatch, Stored, StoredAlarm, StoredEvent
+from bridge.edges.cache.store import Cache, CacheCounts
+
+__all__ = [
+    "Cache",
+    "CacheCounts",
+    "CacheError",
+    "RowError",
+    "SessionRange",
+    "StoreBatch",
+    "Stored",
+    "StoredAlarm",
+    "StoredEvent",
+]

@@ -1,0 +1,213 @@
+"""What the cache answers: events by a filter, by number, and alarm states.
+
+Rule 1: reading sees what is committed. A query does not see rows that arrived after it was asked.
+Rule 2: rows come in pages of 1,000, each found by where the last one ended; nothing is held between two pages.
+Rule 3: SQL may let too much through, then the predicate has the last word, and LIMIT and OFFSET are counted in Python. Rows
+with inexact_text are always judged by the predicate.
+"""
+
+from collections.abc import Iterator
+from typing import Final, TypeAlias
+
+import msgspec
+
+from bridge.core.filters.ast import Everything, Expr
+from bridge.core.filters.sql import sql
+from bridge.core.keys import EventKey
+from bridge.edges.cache.file import CacheError, CacheFile, Parameter, used_bytes
+from bridge.edges.cache.residual import RowPredicate, row_predicate
+from bridge.edges.cache.rows import EVENT_COLUMNS, RowError, StoredAlarm, StoredEvent, read_alarm, read_event
+
+PAGE: Final = 1_000
+_SELECT: Final = "SELECT id, unique_id, arrival_ns, body, inexact_text"
+_SORTABLE: Final = ("id", *EVENT_COLUMNS[:-2])
+_Row: TypeAlias = tuple[int, int, int, bytes, int, Parameter]
+
+
+class SessionRange(msgspec.Struct, frozen=True):
+    """What the cache holds of one session of a target."""
+
+    target: str
+    session: str
+    count: int
+    first_seq: int
+    last_seq: int
+
+
+class _Question(msgspec.Struct, frozen=True):
+    """A filter, and as far as SQL answers it. exact: except for rows with inexact_text, which `where` lets through."""
+
+    where: str
+    parameters: tuple[Parameter, ...]
+    exact: bool
+    inexact_rows: bool
+    matches: RowPredicate
+    first: int
+    last: int
+
+
+class Queries:
+    """The reading half of the cache."""
+
+    def __init__(self, file: CacheFile) -> None:
+        self._file = file
+
+    def query(
+        self,
+        filter: Expr | None = None,
+        *,
+        limit: int | None = None,
+        offset: int = 0,
+        newest_first: bool = True,
+        order: str = "id",
+        after: int | None = None,
+        before: int | None = None,
+    ) -> Iterator[StoredEvent]:
+        """The events a filter wants, in order of arrival or of another column, as they were when this was called.
+
+        after and before are rows (excluded). A filter must have its class names resolved. ValueError for an order that is no
+        column; CacheError when closed or damaged.
+        """
+        if order not in _SORTABLE:
+            raise ValueError(f"{order!r} is no column to sort by; expected one of {', '.join(_SORTABLE)}")
+        if offset < 0 or (limit is not None and limit < 0):
+            raise ValueError(f"limit {limit} and offset {offset} must not be negative")
+        return self._pages(self._ask(filter, after, before), limit, offset, order, newest_first)
+
+    def count(self, filter: Expr | None = None) -> int:
+        """How many events a filter wants."""
+        question = self._ask(filter)
+        if not question.exact:
+            return sum(1 for _ in self._pages(question, None, 0))
+        ((number,),) = self._file.read(
+            f"SELECT count(*) FROM events WHERE {question.where} AND NOT inexact_text AND id BETWEEN ? AND ?",
+            (*question.parameters, question.first, question.last),
+        )
+        if question.inexact_rows:
+            only = msgspec.structs.replace(question, where="inexact_text", parameters=())
+            number += sum(1 for _ in self._pages(only, None, 0))
+        return int(number)
+
+    def sessions(self, target: str | None = None) -> list[SessionRange]:
+        """Which sessions the cache holds numbered events of, by target and first arrival."""
+        rows = self._file.read(
+            "SELECT target, session, count(*), min(seq), max(seq) FROM events "
+            "WHERE seq > 0 AND (?1 IS NULL OR target = ?1) GROUP BY target, session ORDER BY target, min(id)",
+            (target,),
+        )
+        return [SessionRange(*row) for row in rows]
+
+    def numbered(self, target: str, session: str, first_seq: int = 1, last_seq: int = 2**63 - 1) -> Iterator[StoredEvent]:
+        """The events of a session from first_seq to last_seq, both included, in order of seq."""
+        where = "target = ? AND session = ? AND seq > 0 AND seq > ? AND seq <= ?"
+        seq = first_seq - 1
+        while True:
+            rows = self._file.read(
+                f"{_SELECT}, seq FROM events WHERE {where} ORDER BY seq LIMIT ?", (target, session, seq, last_seq, PAGE)
+            )
+            for row in rows:
+                yield self._event(row)
+            if len(rows) < PAGE:
+                return
+            seq = rows[-1][-1]
+
+    def numbered_of_key(self, session: str, key: EventKey, first_key_seq: int, last_key_seq: int) -> Iterator[StoredEvent]:
+        """The events of a session and key from first_key_seq to last_key_seq, both included, in order."""
+        # key_seq rises with seq and is never above it: so seq serves as bound and order, and the index on it is enough.
+        where = (
+            "target = ? AND session = ? AND seq > 0 AND seq >= ? AND +event_class = ? AND is_alarm = ? AND severity = ? "
+            "AND key_seq BETWEEN ? AND ?"
+        )
+        first = first_key_seq
+        while first <= last_key_seq:
+            page = min(PAGE, last_key_seq - first + 1)
+            rows = self._file.read(
+                f"{_SELECT}, key_seq FROM events WHERE {where} ORDER BY seq LIMIT ?",
+                (
+                    *(key.target, session, first, key.event_class),
+                    *(int(key.is_alarm), int(key.severity), first, last_key_seq, page),
+                ),
+            )
+            for row in rows:
+                yield self._event(row)
+            if len(rows) < page:
+                return
+            first = rows[-1][-1] + 1
+
+    def load_alarms(self, target: str | None = None) -> list[StoredAlarm]:
+        """The alarm states, of one target or of all."""
+        rows = self._file.read("SELECT unique_id, body FROM alarms WHERE ?1 IS NULL OR target = ?1 ORDER BY key", (target,))
+        try:
+            return [StoredAlarm(unique_id, read_alarm(body)) for unique_id, body in rows]
+        except RowError as error:
+            raise CacheError(self._file.path, f"holds {error}") from None
+
+    def meta(self) -> dict[str, str]:
+        """The facts kept by name."""
+        return dict(self._file.read("SELECT name, value FROM meta ORDER BY name", ()))
+
+    def used_bytes(self) -> int:
+        """Bytes of the pages that hold something, which max_bytes limits. The file keeps freed pages for later."""
+        with self._file.turn() as connection:
+            return used_bytes(connection)
+
+    def _ask(self, filter: Expr | None, after: int | None = None, before: int | None = None) -> _Question:
+        expr = Everything() if filter is None else filter
+        answer = sql(expr)
+        ((newest, inexact),) = self._file.read(
+            "SELECT coalesce(max(id), 0), EXISTS (SELECT 1 FROM events WHERE inexact_text) FROM events"
+        )
+        return _Question(
+            where=f"(({answer.where}) OR inexact_text)" if inexact else f"({answer.where})",
+            parameters=answer.parameters,
+            exact=answer.exact,
+            inexact_rows=bool(inexact),
+            matches=row_predicate(expr),
+            first=0 if after is None else after + 1,
+            last=newest if before is None else min(newest, before - 1),
+        )
+
+    def _pages(
+        self, question: _Question, limit: int | None, offset: int, order: str = "id", newest_first: bool = False
+    ) -> Iterator[StoredEvent]:
+        direction, beyond = ("DESC", "<") if newest_first else ("ASC", ">")
+        in_sql = question.exact and not question.inexact_rows
+        first, last, left = question.first, question.last, limit
+        skip_in_sql, skip = (offset, 0) if in_sql else (0, offset)
+        id_range = "id BETWEEN ? AND ?" if order == "id" else "+id BETWEEN ? AND ?"  # + leaves the index to the order
+        place, place_values = "", tuple[Parameter, ...]()  # where the last page ended, unless first and last say it
+        while left is None or left > 0:
+            page = min(PAGE, left) if in_sql and left is not None else PAGE
+            rows: list[_Row] = self._file.read(
+                f"{_SELECT}, {order} FROM events WHERE {question.where} AND {id_range} {place}"
+                f"ORDER BY {order} {direction}, id {direction} LIMIT ? OFFSET ?",
+                (*question.parameters, first, last, *place_values, page, skip_in_sql),
+            )
+            for row in rows:
+                found = self._event(row)
+                if (row[4] or not question.exact) and not question.matches(found.unique_id, found.event):
+                    continue
+                if skip:
+                    skip -= 1
+                    continue
+                yield found
+                if left is not None:
+                    left -= 1
+                    if not left:
+                        return
+            if len(rows) < page:
+                return
+            skip_in_sql = 0
+            row_id, value = rows[-1][0], rows[-1][5]
+            if order != "id":
+                place, place_values = f"AND ({order}, id) {beyond} (?, ?) ", (value, row_id)
+            elif newest_first:
+                last = row_id - 1
+            else:
+                first = row_id + 1
+
+    def _event(self, row: _Row) -> StoredEvent:
+        try:
+            return StoredEvent(row[0], row[1], row[2], read_event(row[3]))
+        except RowError as error:
+            raise CacheError(self._file.path, f"row {row[0]}: {error}") from None
