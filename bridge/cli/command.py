@@ -1,23 +1,292 @@
-def create() -> int:
-    """To come."""
-    return 1
+"""`tcbridge create`, `raise`, `clear`, `confirm`, `dispose`: commands to a logger, and its answer."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
+
+from cyclopts import Group, Parameter
+
+from bridge.cli import values
+from bridge.cli.exits import Exit, Usage
+from bridge.cli.options import COMMON, Common, catalog, note, open_bus, operator
+from bridge.cli.show import View, clean, print_json, source_text
+from bridge.config import HELP, Settings
+from bridge.core.alarms import Alarm, AlarmKey
+from bridge.core.events import Source
+
+if TYPE_CHECKING:
+    from bridge.logger import LoggerProxy
+
+ALARM: Final = Group("Alarm", sort_key=10)
+COMMAND: Final = Group("Command", sort_key=11)
+
+EventClass: TypeAlias = Annotated[str, Parameter(name="CLASS", help="Event class: a GUID, or a name from --classes.")]
+EventId: TypeAlias = Annotated[str, Parameter(name="EVENT", help="Event id, or the event's name in the class.")]
 
 
-def raise_() -> int:
-    """To come."""
-    return 1
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Which:
+    """Which alarm, beside class and id."""
+
+    source_name: Annotated[str | None, Parameter(help="Path of the source.", group=ALARM)] = None
+    source_id: Annotated[int | None, Parameter(help="Object id of the source.", group=ALARM)] = None
+    source_guid: Annotated[str | None, Parameter(help="GUID of the source.", group=ALARM)] = None
+
+    @property
+    def source(self) -> Source:
+        """The source as given."""
+        return values.source(self.source_name, self.source_id, self.source_guid)
 
 
-def clear() -> int:
-    """To come."""
-    return 1
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class How:
+    """Who, when and why."""
+
+    time: Annotated[str | None, Parameter(help="When it happened, ISO 8601. Default: now.", group=COMMAND)] = None
+    operator: Annotated[str | None, Parameter(help=HELP["operator"], group=COMMAND)] = None
+    comment: Annotated[str, Parameter(help="Why; it stands in the event.", group=COMMAND)] = ""
+    wait: Annotated[float, Parameter(help="Seconds to wait for the logger.", group=COMMAND, show_default=True)] = 3.0
 
 
-def confirm() -> int:
-    """To come."""
-    return 1
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class What:
+    """What the alarm says from this transition on."""
+
+    arg: Annotated[
+        tuple[str, ...],
+        Parameter(help="Argument, VALUE or TYPE:VALUE; repeat it.", group=ALARM, allow_leading_hyphen=True),
+    ] = ()
+    json_attribute: Annotated[str | None, Parameter(help="JSON attribute, sent as given.", group=ALARM)] = None
 
 
-def dispose() -> int:
-    """To come."""
-    return 1
+WHICH, HOW, WHAT = Which(), How(), What()
+Severity: TypeAlias = Annotated[
+    values.SeverityName | None, Parameter(help="For a new alarm. Default: that of the class, else info.", group=ALARM)
+]
+WithConfirmation: TypeAlias = Annotated[bool, Parameter(help="A new alarm has to be confirmed.", group=ALARM)]
+
+
+@contextmanager
+def connected(settings: Settings, wait_s: float) -> "Iterator[LoggerProxy]":
+    """The logger of the target. NoLoggerError when it is not there in time."""
+    from bridge.logger import LoggerProxy, NoLoggerError
+
+    if wait_s < 0:
+        raise Usage(f"--wait {wait_s} is negative")
+    with open_bus(settings) as bus:
+        proxy = LoggerProxy(bus, settings.one_target, realm=settings.realm)
+        if not proxy.connect(wait_s):
+            raise NoLoggerError(settings.one_target, f"in realm {settings.realm}")
+        with proxy:
+            yield proxy
+
+
+class _Call:
+    """One command: its settings, class and event."""
+
+    def __init__(self, event_class: str, event_id: str, which: Which, how: How, common: Common) -> None:
+        self.settings = common.load(operator=how.operator)
+        self.catalog = catalog(self.settings)
+        self.guid = values.class_guid(event_class, self.catalog)
+        self.id = values.event_number(event_id, self.guid, self.catalog)
+        self.source = which.source
+        self.time_ns = values.time_ns(how.time)
+        self.operator = operator(self.settings)
+        self.comment = how.comment
+        self.as_json = common.json
+        self.wait_s = how.wait
+
+    @property
+    def key(self) -> AlarmKey:
+        """The alarm as it was named."""
+        source = self.source
+        return AlarmKey(self.settings.one_target, self.guid, self.id, source.id, source.name, source.guid)
+
+    def find(self, proxy: "LoggerProxy") -> AlarmKey:
+        """The alarm that is meant: without a source, the one active alarm of that class and id."""
+        if self.source != Source():
+            return self.key
+        found = [each for each in proxy.active_alarms() if (each.event_class, each.event_id) == (self.guid, self.id)]
+        if len(found) > 1:
+            sources = ", ".join(sorted(source_text(each) or "(none)" for each in found))
+            raise Usage(f"{len(found)} such alarms are active, name a source: {clean(sources)}")
+        return found[0].key if found else self.key
+
+    def show(self, alarm: Alarm) -> int:
+        """Print the alarm as it is now."""
+        view = View(self.catalog, self.settings.lang)
+        if self.as_json:
+            print_json(view.alarm_record(alarm))
+        else:
+            view.print_alarms([alarm])
+        return Exit.OK
+
+
+def create(
+    event_class: EventClass,
+    event_id: EventId,
+    /,
+    *,
+    severity: Severity = None,
+    with_confirmation: WithConfirmation = False,
+    which: Which = WHICH,
+    what: What = WHAT,
+    wait: Annotated[float, Parameter(help="Seconds to wait for the logger.", group=COMMAND, show_default=True)] = 3.0,
+    common: Common = COMMON,
+) -> int:
+    """Create an alarm without raising it.
+
+    Nobody is told before it is raised. An alarm that exists is left as it is
+    and printed; that is no error.
+
+    Try:
+        tcbridge create Axis LagError --classes examples/plant.tmc
+    """
+    call = _Call(event_class, event_id, which, How(wait=wait), common)
+    with connected(call.settings, wait) as proxy:
+        answer = proxy.create_alarm(
+            call.guid,
+            call.id,
+            values.severity(severity, call.guid, call.id, call.catalog),
+            with_confirmation=with_confirmation,
+            source=call.source,
+            arguments=[values.argument(each) for each in what.arg],
+            json_attribute=what.json_attribute or "",
+        )
+    if not answer.created:
+        note("the alarm exists already")
+    return call.show(answer.alarm) if answer.alarm is not None else Exit.OK
+
+
+def raise_(
+    event_class: EventClass,
+    event_id: EventId,
+    /,
+    *,
+    severity: Severity = None,
+    with_confirmation: WithConfirmation = False,
+    which: Which = WHICH,
+    what: What = WHAT,
+    how: How = HOW,
+    common: Common = COMMON,
+) -> int:
+    """Raise an alarm, creating it if need be.
+
+    The alarm is printed as it is then. Exit code 1: the logger refused, with
+    the manual's HRESULT. 4: nobody answered, so the outcome is unknown.
+
+    Try:
+        tcbridge raise Axis LagError --classes examples/plant.tmc \\
+            --source-name Main.Axis3 --arg 3 --arg 12.5 --with-confirmation
+    """
+    call = _Call(event_class, event_id, which, how, common)
+    arguments = [values.argument(each) for each in what.arg]
+    with connected(call.settings, how.wait) as proxy:
+        answer = proxy.create_alarm(
+            call.guid,
+            call.id,
+            values.severity(severity, call.guid, call.id, call.catalog),
+            with_confirmation=with_confirmation,
+            source=call.source,
+        )
+        return call.show(
+            proxy.raise_alarm(
+                call.key if answer.alarm is None else answer.alarm,
+                time_ns=call.time_ns,
+                arguments=arguments or None,
+                json_attribute=what.json_attribute,
+                operator=call.operator,
+                comment=call.comment,
+            )
+        )
+
+
+def clear(
+    event_class: EventClass,
+    event_id: EventId,
+    /,
+    *,
+    reset_confirmation: Annotated[bool, Parameter(help="Nobody has to confirm it any more.", group=ALARM)] = False,
+    which: Which = WHICH,
+    what: What = WHAT,
+    how: How = HOW,
+    common: Common = COMMON,
+) -> int:
+    """Clear an alarm.
+
+    Without a source the one active alarm of that class and id is meant. The
+    exit codes are those of raise.
+
+    Try:
+        tcbridge clear Axis LagError --classes examples/plant.tmc
+    """
+    call = _Call(event_class, event_id, which, how, common)
+    with connected(call.settings, how.wait) as proxy:
+        return call.show(
+            proxy.clear_alarm(
+                call.find(proxy),
+                reset_confirmation=reset_confirmation,
+                time_ns=call.time_ns,
+                arguments=[values.argument(each) for each in what.arg] or None,
+                json_attribute=what.json_attribute,
+                operator=call.operator,
+                comment=call.comment,
+            )
+        )
+
+
+def confirm(
+    event_class: EventClass,
+    event_id: EventId,
+    /,
+    *,
+    which: Which = WHICH,
+    how: How = HOW,
+    common: Common = COMMON,
+) -> int:
+    """Confirm an alarm, raised or not.
+
+    Without a source the one active alarm of that class and id is meant. The
+    exit codes are those of raise.
+
+    Try:
+        tcbridge confirm Axis LagError --classes examples/plant.tmc \\
+            --operator "shift leader" --comment "seen, belt replaced"
+    """
+    call = _Call(event_class, event_id, which, how, common)
+    with connected(call.settings, how.wait) as proxy:
+        return call.show(
+            proxy.confirm_alarm(call.find(proxy), time_ns=call.time_ns, operator=call.operator, comment=call.comment)
+        )
+
+
+def dispose(
+    event_class: EventClass,
+    event_id: EventId,
+    /,
+    *,
+    which: Which = WHICH,
+    how: How = HOW,
+    common: Common = COMMON,
+) -> int:
+    """Let go of an alarm.
+
+    A raised one gets its clear time, and needs no confirmation any more. The
+    exit codes are those of raise.
+
+    Try:
+        tcbridge dispose Axis LagError --classes examples/plant.tmc
+    """
+    call = _Call(event_class, event_id, which, how, common)
+    with connected(call.settings, how.wait) as proxy:
+        key = call.find(proxy)
+        answer = proxy.dispose_alarm(key, time_ns=call.time_ns, operator=call.operator, comment=call.comment)
+    if call.as_json:
+        print_json({"disposed": key, "seq": answer.seq})
+    else:
+        print(f"disposed of {clean(call.catalog.class_name(key.event_class, call.settings.lang))} {key.event_id}")
+    return Exit.OK

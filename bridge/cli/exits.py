@@ -50,9 +50,11 @@ _ERRORS: Final[dict[str, Exit]] = {
     "RecordingError": Exit.NO,
     "TargetTakenError": Exit.NO,
     "TwoLoggersError": Exit.NO,
+    "NotFreshError": Exit.NO,
     "QueueFullError": Exit.LOST,
     "BusError": Exit.UNKNOWN,
-    "UnknownOutcomeError": Exit.UNKNOWN,
+    "NoLoggerError": Exit.UNKNOWN,
+    "CommandUnknownError": Exit.UNKNOWN,
     "OSError": Exit.NO,
 }
 

@@ -149,10 +149,13 @@ class View(NamedTuple):
             (f"{clean(event.target):8}  ", "cyan"),
             (f"{event.severity.name.lower():8}", style),
             (f"  {KIND_WORDS[event.kind]:9}  ", "bold" if event.is_alarm else ""),
-            (f"{clean(self.catalog.class_name(event.event_class, self.lang))} {event.event_id}: ", ""),
+            (f"{clean(self._class_and_id(event))}: " if event.event_class in self.catalog else "", ""),
             (clean(self.catalog.event_text(event, self.lang)), style),
             (f"  [{clean(source)}]" if source else "", "dim"),
         ]
+
+    def _class_and_id(self, event: AnyEvent) -> str:
+        return f"{self.catalog.class_name(event.event_class, self.lang)} {event.event_id}"
 
     def record(self, item: AnyEvent | Alarm) -> dict[str, object]:
         """An event or alarm for programs."""
@@ -171,9 +174,9 @@ class View(NamedTuple):
         if isinstance(item, Event):
             print_json(self.record(item)) if as_json else print_spans(self.spans(item))
         elif as_json:
-            print_json(notice_record(item))
+            print_json(notice(item)[1])
         else:
-            print_spans([(f"{'':24}  {notice_text(item)}", "bold magenta")])
+            print_spans([(f"{'':24}  {clean(notice(item)[0])}", "bold magenta")])
 
     def print_alarms(self, alarms: Sequence[Alarm], *, title: str = "") -> None:
         """Alarms as a table."""
@@ -235,44 +238,31 @@ def _time(time_ns: int, day: str) -> str:
     return text[11:-1] if day else text
 
 
-def notice_text(notice: "Item") -> str:
-    """What a listener says about what is missing."""
+def notice(item: "Item") -> tuple[str, dict[str, object]]:
+    """What a listener says about what is missing or wrong: for people and for programs."""
     from bridge.inbox import Dropped
-    from bridge.listener import Gap, Heard, Rejected, TailUnknown
+    from bridge.listener import Gap, Heard, Rejected, TailUnknown, TwoLoggers
 
-    match notice:
+    match item:
         case Gap(missing, reason):
-            return f"gap: {missing.count} events of session {missing.session} are lost on {clean(missing.key)}: {clean(reason)}"
+            facts: dict[str, object] = {"notice": "gap", "count": missing.count, "reason": reason}
+            text = f"gap: {missing.count} events of session {missing.session} on {missing.key} are lost: {reason}"
+            return text, facts | {"missing": msgspec.to_builtins(missing)}
         case Dropped(count):
-            return f"dropped: {count} events, this program was too slow for them"
-        case Rejected(key, raw, reason):
-            return f"rejected: {len(raw)} bytes on {clean(key)}: {clean(reason)}"
+            return f"dropped: {count} events, this program was too slow", {"notice": "dropped", "count": count}
+        case Rejected(key, raw, reason, whole):
+            facts = {"notice": "rejected", "key": key, "reason": reason, "raw": raw, "whole_payload": whole}
+            return f"rejected: {len(raw)} bytes on {key}: {reason}", facts
         case TailUnknown(target, session):
-            return f"tail unknown: session {session} of {clean(target)} is gone without a last word"
+            facts = {"notice": "tail_unknown", "target": target, "session": session}
+            return f"tail unknown: session {session} of {target} is gone without a last word", facts
+        case TwoLoggers(target, sessions):
+            facts = {"notice": "two_loggers", "target": target, "sessions": sessions}
+            return f"two loggers of {target} answer: {', '.join(sessions)}", facts
         case Event() | Heard():
             raise TypeError("an event is no notice")
         case _:
-            assert_never(notice)
-
-
-def notice_record(notice: "Item") -> dict[str, object]:
-    """A notice for programs."""
-    from bridge.inbox import Dropped
-    from bridge.listener import Gap, Heard, Rejected, TailUnknown
-
-    match notice:
-        case Gap(missing, reason):
-            return {"notice": "gap", "count": missing.count, "reason": reason, "missing": msgspec.to_builtins(missing)}
-        case Dropped(count):
-            return {"notice": "dropped", "count": count}
-        case Rejected(key, raw, reason, whole_payload):
-            return {"notice": "rejected", "key": key, "raw": raw, "reason": reason, "whole_payload": whole_payload}
-        case TailUnknown(target, session):
-            return {"notice": "tail_unknown", "target": target, "session": session}
-        case Event() | Heard():
-            raise TypeError("an event is no notice")
-        case _:
-            assert_never(notice)
+            assert_never(item)
 
 
 def print_settings(loaded: Loaded, *, as_json: bool) -> None:
