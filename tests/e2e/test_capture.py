@@ -151,46 +151,50 @@ def test_ten_occurrences_as_the_listing_shows_them(bus_config: BusConfig, tmp_pa
     catalog = Catalog(result.classes)
     class_file = tmp_path / "logged.tmc"
     class_file.write_bytes(CLASS_FILE)
-    with open_bus(bus_config) as theirs, open_bus(bus_config) as ours, Listener(ours) as listener:
-        with EventLogger("plc1", bus=theirs) as logger:
-            assert listener.wait_for_beat(logger.session)
-            alarms = []
-            for record in records:
-                source = Source(record.source_id, record.source_name)
-                if not record.is_alarm:
-                    logger.send_message(
-                        CLASS,
-                        record.event_id,
-                        record.severity,
-                        source=source,
-                        arguments=record.arguments,
-                        time_ns=record.raised_ns,
-                    )
-                    continue
-                alarm = logger.create_alarm(
+    with (
+        open_bus(bus_config) as theirs,
+        open_bus(bus_config) as ours,
+        Listener(ours) as listener,
+        EventLogger("plc1", bus=theirs) as logger,
+    ):
+        assert listener.wait_for_beat(logger.session)
+        alarms = []
+        for record in records:
+            source = Source(record.source_id, record.source_name)
+            if not record.is_alarm:
+                logger.send_message(
                     CLASS,
                     record.event_id,
                     record.severity,
-                    with_confirmation=True,
                     source=source,
                     arguments=record.arguments,
-                ).alarm
-                assert alarm is not None
-                logger.raise_alarm(alarm, time_ns=record.raised_ns)
-                alarms.append((alarm, record))
-            for alarm, record in alarms:
-                logger.confirm_alarm(alarm, time_ns=record.confirmed_ns)
-            for alarm, record in alarms:
-                cleared = logger.clear_alarm(alarm, time_ns=record.cleared_ns)
-                assert int(cleared.confirmation_state) == record.confirmation
-            heard = [event for event in listener.take(20) if isinstance(event, MessageSent | AlarmCleared)]
-            shown = sorted((_row(event, catalog) for event in heard), key=lambda row: (row["Event Id"], row["Alarm State"]))
-            wanted = [row | {"Unique Id": ""} for row in listing]
-            assert shown == sorted(wanted, key=lambda row: (row["Event Id"], row["Alarm State"]))
+                    time_ns=record.raised_ns,
+                )
+                continue
+            alarm = logger.create_alarm(
+                CLASS,
+                record.event_id,
+                record.severity,
+                with_confirmation=True,
+                source=source,
+                arguments=record.arguments,
+            ).alarm
+            assert alarm is not None
+            logger.raise_alarm(alarm, time_ns=record.raised_ns)
+            alarms.append((alarm, record))
+        for alarm, record in alarms:
+            logger.confirm_alarm(alarm, time_ns=record.confirmed_ns)
+        for alarm, record in alarms:
+            cleared = logger.clear_alarm(alarm, time_ns=record.cleared_ns)
+            assert int(cleared.confirmation_state) == record.confirmation
+        heard = [event for event in listener.take(20) if isinstance(event, MessageSent | AlarmCleared)]
+        shown = sorted((_row(event, catalog) for event in heard), key=lambda row: (row["Event Id"], row["Alarm State"]))
+        wanted = [row | {"Unique Id": ""} for row in listing]
+        assert shown == sorted(wanted, key=lambda row: (row["Event Id"], row["Alarm State"]))
 
-            command = [sys.executable, "-m", "bridge.cli", "log", "--target", "plc1", "--limit", "0", "--json"]
-            command += ["--classes", str(class_file), "--scouting-group", bus_config.scouting_group]
-            done = subprocess.run(command, capture_output=True, cwd=ROOT, timeout=60, check=True)
+        command = [sys.executable, "-m", "bridge.cli", "log", "--target", "plc1", "--limit", "0", "--json"]
+        command += ["--classes", str(class_file), "--scouting-group", bus_config.scouting_group]
+        done = subprocess.run(command, capture_output=True, cwd=ROOT, timeout=60, check=True)
     lines = [msgspec.json.decode(line) for line in done.stdout.splitlines()]
     occurrences = [line for line in lines if line["kind"] in ("message_sent", "alarm_cleared")]
     assert len(lines) == 20
