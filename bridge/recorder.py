@@ -102,9 +102,10 @@ class Recorder:
             flushed_s = time.monotonic()
             dirty = urgent = False
             while True:
+                closing = self._closing  # read before the queue is: what came before closing is written
                 due_s = flushed_s + (TRANSITION_FLUSH_S if urgent else self._flush_s)
                 item = self._listener.get(max(0.0, due_s - time.monotonic()) if dirty else self._flush_s)
-                if item is None and self._closing:
+                if item is None and closing:
                     break
                 written = 0
                 while item is not None:
