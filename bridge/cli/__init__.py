@@ -68,7 +68,7 @@ def make_app(*, lazy: bool = False) -> App:
     for number, (name, place) in enumerate((COMMANDS | _HIDDEN).items()):
         group, _, last = name.rpartition(" ")
         owner = groups[group] if group else app
-        command = place if lazy else _function(place)
+        command = place if lazy or name in _HIDDEN else _function(place)
         owner.command(command, name=last, show=name not in _HIDDEN, sort_key=number, help_epilogue="")
         if group:
             groups[group].sort_key = number

@@ -144,7 +144,7 @@ def create(
     and printed; that is no error.
 
     Try:
-        tcbridge create Axis LagError --classes examples/plant.tmc
+        tcbridge create Faults LagError --classes examples/plant.tmc
     """
     call = _Call(event_class, event_id, which, How(wait=wait), common)
     with connected(call.settings, wait) as proxy:
@@ -180,7 +180,7 @@ def raise_(
     the manual's HRESULT. 4: nobody answered, so the outcome is unknown.
 
     Try:
-        tcbridge raise Axis LagError --classes examples/plant.tmc \\
+        tcbridge raise Faults LagError --classes examples/plant.tmc \\
             --source-name Main.Axis3 --arg 3 --arg 12.5 --with-confirmation
     """
     call = _Call(event_class, event_id, which, how, common)
@@ -222,7 +222,7 @@ def clear(
     exit codes are those of raise.
 
     Try:
-        tcbridge clear Axis LagError --classes examples/plant.tmc
+        tcbridge clear Faults LagError --classes examples/plant.tmc
     """
     call = _Call(event_class, event_id, which, how, common)
     with connected(call.settings, how.wait) as proxy:
@@ -254,7 +254,7 @@ def confirm(
     exit codes are those of raise.
 
     Try:
-        tcbridge confirm Axis LagError --classes examples/plant.tmc \\
+        tcbridge confirm Faults LagError --classes examples/plant.tmc \\
             --operator "shift leader" --comment "seen, belt replaced"
     """
     call = _Call(event_class, event_id, which, how, common)
@@ -279,7 +279,7 @@ def dispose(
     exit codes are those of raise.
 
     Try:
-        tcbridge dispose Axis LagError --classes examples/plant.tmc
+        tcbridge dispose Faults LagError --classes examples/plant.tmc
     """
     call = _Call(event_class, event_id, which, how, common)
     with connected(call.settings, how.wait) as proxy:

@@ -51,6 +51,7 @@ _ERRORS: Final[dict[str, Exit]] = {
     "TargetTakenError": Exit.NO,
     "TwoLoggersError": Exit.NO,
     "NotFreshError": Exit.NO,
+    "DemoError": Exit.NO,
     "QueueFullError": Exit.LOST,
     "BusError": Exit.UNKNOWN,
     "NoLoggerError": Exit.UNKNOWN,

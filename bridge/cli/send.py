@@ -45,7 +45,7 @@ def send(
     and a hint goes to stderr. Exit code 3: it did not reach the bus.
 
     Try:
-        tcbridge send Plant Homed --classes examples/plant.tmc --arg 3 --lang de
+        tcbridge send Line Homed --classes examples/plant.tmc --arg 3 --lang de
         tcbridge send 54cc5482-ad79-4cdc-8c3e-b3983b36ed66 1 --severity error
     """
     settings = common.load(encoding=encoding)

@@ -95,12 +95,12 @@ def print_spans(spans: Iterable[Span]) -> None:
 def print_table(headers: Sequence[str], rows: Sequence[Sequence[Cell]], *, caption: str = "", title: str = "") -> None:
     """A table; folded to the width of a terminal, else aligned and whole."""
     if on_terminal():
-        from rich.box import SIMPLE_HEAD
         from rich.table import Table
         from rich.text import Text
 
-        table = Table(*headers, box=SIMPLE_HEAD, pad_edge=False, caption=caption or None, caption_justify="left")
-        table.title, table.title_justify = title or None, "left"
+        table = Table(*headers, box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold underline")
+        table.title, table.title_justify, table.title_style = title or None, "left", "bold"
+        table.caption, table.caption_justify = caption or None, "left"
         for column, header in zip(table.columns, headers, strict=True):
             column.overflow, column.no_wrap = "fold", header in ("Severity", "Id", "Event", "State")
         for row in rows:

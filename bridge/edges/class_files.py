@@ -21,7 +21,7 @@ def load_catalog(paths: Iterable[Path | str]) -> tuple[Catalog, list[Problem]]:
     """
     classes: list[EventClass] = []
     problems: list[Problem] = []
-    for path in _files(paths):
+    for path in class_files(paths):
         try:
             result = read_classes(path.read_bytes(), str(path))
         except TmcError as error:
@@ -32,7 +32,8 @@ def load_catalog(paths: Iterable[Path | str]) -> tuple[Catalog, list[Problem]]:
     return Catalog(classes), problems
 
 
-def _files(paths: Iterable[Path | str]) -> Iterator[Path]:
+def class_files(paths: Iterable[Path | str]) -> Iterator[Path]:
+    """The files that load_catalog() reads, in its order."""
     for path in map(Path, paths):
         if path.is_dir():
             yield from sorted(each for each in path.rglob("*") if each.suffix.lower() in SUFFIXES and each.is_file())
