@@ -62,6 +62,7 @@ def make_app(*, lazy: bool = False) -> App:
         error_formatter=_usage,
         version=program_version,
         result_action="return_value",
+        suppress_keyboard_interrupt=False,
         default_parameter=Parameter(show_default=False, negative=()),
     )
     groups = {name: App(name=name, help=text, help_epilogue="") for name, text in _GROUPS.items()}

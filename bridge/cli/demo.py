@@ -7,17 +7,16 @@ from typing import Annotated
 from cyclopts import Group, Parameter
 
 from bridge.cli.exits import Usage
-from bridge.cli.options import COMMON, Common
+from bridge.cli.options import BASIC, LANG, Basic
 
 DEMO = Group("Demo", sort_key=10)
 
 
 def demo(
     *,
-    keep: Annotated[
-        Path | None, Parameter(help="Keep the recording, the live state and the event classes here.", group=DEMO)
-    ] = None,
-    common: Common = COMMON,
+    keep: Annotated[Path | None, Parameter(help="Folder that keeps recording, live state and classes.", group=DEMO)] = None,
+    lang: Annotated[str | None, LANG] = None,
+    common: Basic = BASIC,
 ) -> int:
     """Show the main job, end to end.
 
@@ -34,7 +33,7 @@ def demo(
     """
     from bridge.cli.demo_plant import run
 
-    settings = common.load()
+    settings = common.load(lang=lang)
     if keep is None:
         with TemporaryDirectory(prefix="tcbridge-demo-") as folder:
             return run(Path(folder), settings.lang, as_json=common.json)

@@ -108,7 +108,10 @@ def _send(sender: Publisher, line: EventClass, name: str, number: int) -> None:
 
 
 def run(folder: Path, lang: str, *, as_json: bool) -> int:
-    """Run the demo in a folder, which then holds demo.mcap, live.json and plant.tmc; the exit code says whether both states are equal."""
+    """Run the demo in a folder, which then holds demo.mcap, live.json and plant.tmc.
+
+    The exit code says whether live and replayed state are equal.
+    """
     view = View(_catalog(), lang)
     realm = f"demo-{os.urandom(4).hex()}"
     group = f"224.0.0.224:{random.randrange(20_000, 60_000)}"

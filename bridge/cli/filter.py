@@ -5,7 +5,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from bridge.cli.exits import Exit
-from bridge.cli.options import OFFLINE, Offline, catalog, parse_filter
+from bridge.cli.options import REALM, TEXTS_ONLY, Texts, catalog, parse_filter
 from bridge.cli.show import print_json
 
 
@@ -13,7 +13,8 @@ def explain(
     text: Annotated[str, Parameter(help="The filter, e.g. \"severity >= error and source.name like '%Main%'\".")] = "",
     /,
     *,
-    common: Offline = OFFLINE,
+    realm: Annotated[str | None, REALM] = None,
+    common: Texts = TEXTS_ONLY,
 ) -> int:
     """Explain a filter: tree, keys, SQL, what is exact.
 
@@ -27,7 +28,7 @@ def explain(
     """
     from bridge.core.filters.explain import explain as explained
 
-    settings = common.load()
+    settings = common.load(realm=realm)
     known = catalog(settings)
     explanation = explained(parse_filter(text, known), settings.realm, resolve_class=known.guids)
     if common.json:

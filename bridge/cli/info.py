@@ -7,7 +7,7 @@ import msgspec
 from cyclopts import Parameter
 
 from bridge.cli.exits import Exit
-from bridge.cli.options import OFFLINE, Offline, catalog
+from bridge.cli.options import TEXTS_ONLY, Texts, catalog
 from bridge.cli.show import KIND_WORDS, Cell, clean, print_json, print_table, severity_span
 from bridge.core.events import Severity
 from bridge.core.times import NS_PER_S, time_text
@@ -20,7 +20,7 @@ def info(
     path: Annotated[Path, Parameter(name="FILE", help="The recording; also one that is still being written (.mcap.active).")],
     /,
     *,
-    common: Offline = OFFLINE,
+    common: Texts = TEXTS_ONLY,
 ) -> int:
     """Say what a recording holds.
 

@@ -26,21 +26,17 @@ BUS: Final = Group("Bus", sort_key=30)
 PROGRAM: Final = Group("Settings and output", sort_key=40)
 
 
-def _setting(name: str, group: Group, *, metavar: str | None = None) -> Parameter:
-    return Parameter(help=config.HELP[name], group=group, metavar=metavar)
+def _setting(name: str, group: Group, *, metavar: str | None = None, negative: tuple[str, ...] = ()) -> Parameter:
+    return Parameter(help=config.HELP[name], group=group, metavar=metavar, negative=negative)
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class Offline:
-    """Options of commands that work on files and texts."""
+class Basic:
+    """Options of every command."""
 
-    lang: Annotated[str | None, _setting("lang", TEXTS)] = None
-    classes: Annotated[tuple[Path, ...], _setting("classes", TEXTS)] = ()
-    realm: Annotated[str | None, _setting("realm", BUS)] = None
     settings: Annotated[
-        Path | None,
-        Parameter(help=f"Settings file. Default: {config.FILE_NAME} here, if there is one.", group=PROGRAM),
+        Path | None, Parameter(help=f"Settings file. Default: {config.FILE_NAME} here, if there is one.", group=PROGRAM)
     ] = None
     show_settings: Annotated[
         bool, Parameter(help="Print every setting and where it came from, and do nothing else.", group=PROGRAM)
@@ -61,19 +57,40 @@ class Offline:
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class Common(Offline):
-    """Options of commands that use the bus."""
+class Texts(Basic):
+    """Options of commands that show events or read names of event classes."""
 
-    target: Annotated[str | None, _setting("target", BUS)] = None
+    lang: Annotated[str | None, _setting("lang", TEXTS)] = None
+    classes: Annotated[tuple[Path, ...], _setting("classes", TEXTS)] = ()
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Network(Basic):
+    """Options of commands that open the bus."""
+
     connect: Annotated[tuple[str, ...], _setting("connect", BUS)] = ()
     listen: Annotated[tuple[str, ...], _setting("listen", BUS)] = ()
     config: Annotated[Path | None, _setting("config", BUS)] = None
-    lan: Annotated[bool | None, _setting("lan", BUS)] = None
+    lan: Annotated[bool | None, _setting("lan", BUS, negative=("--no-lan",))] = None
     scouting_group: Annotated[str | None, _setting("scouting_group", BUS, metavar="HOST:PORT")] = None
 
 
-OFFLINE: Final = Offline()
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Common(Texts, Network):
+    """Options of commands that meet others on the bus."""
+
+    target: Annotated[str | None, _setting("target", BUS)] = None
+    realm: Annotated[str | None, _setting("realm", BUS)] = None
+
+
+BASIC: Final = Basic()
+TEXTS_ONLY: Final = Texts()
+NETWORK: Final = Network()
 COMMON: Final = Common()
+REALM: Final = _setting("realm", BUS)
+LANG: Final = _setting("lang", TEXTS)
 
 
 def _plain(value: object) -> object:

@@ -1,7 +1,7 @@
 """`tcbridge router`: a Zenoh router in our own program."""
 
 from bridge.cli.exits import Exit
-from bridge.cli.options import COMMON, Common, bus_config
+from bridge.cli.options import NETWORK, Network, bus_config
 from bridge.cli.show import print_json
 from bridge.cli.signals import Interrupted, wait_for_signal
 
@@ -9,7 +9,7 @@ PORT = 7447
 """Zenoh's own port."""
 
 
-def router(*, common: Common = COMMON) -> int:
+def router(*, common: Network = NETWORK) -> int:
     """Run a Zenoh router until stopped.
 
     Programs on several machines meet at its address. It listens on

@@ -98,7 +98,7 @@ def print_table(headers: Sequence[str], rows: Sequence[Sequence[Cell]], *, capti
         from rich.table import Table
         from rich.text import Text
 
-        table = Table(*headers, box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold underline")
+        table = Table(*headers, box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
         table.title, table.title_justify, table.title_style = title or None, "left", "bold"
         table.caption, table.caption_justify = caption or None, "left"
         for column, header in zip(table.columns, headers, strict=True):

@@ -19,8 +19,8 @@ GRACE_S: Final = 2.5
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
 
-class Interrupted(KeyboardInterrupt):
-    """A signal asks the program to end; `code` is the exit code that says so."""
+class Interrupted(BaseException):
+    """A signal asks the program to end; `code` is the exit code that says so. No Exception, so that only main() ends by it."""
 
     def __init__(self, number: int) -> None:
         self.number, self.code = number, 128 + number
