@@ -4,7 +4,7 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 PYTEST := $(BIN)/python -m pytest
 
-.PHONY: help demo test check slow bench lint venv constraints clean
+.PHONY: help demo test check slow bench schemas lint venv constraints clean
 .NOTPARALLEL:
 
 help:
@@ -13,6 +13,7 @@ help:
 	@echo "make check   the quick gate: format, lint, types, contract, tests"
 	@echo "make slow    the slow tests: kills, stops and millions"
 	@echo "make bench   programs that compare us with something else in the same run"
+	@echo "make schemas writes schemas/ from the types: JSON Schemas and golden vectors"
 
 demo: .venv/.run
 	$(BIN)/tcbridge demo
@@ -34,6 +35,10 @@ slow: .venv/.dev
 
 bench: .venv/.run
 	@for program in benches/*.py; do echo "== $$program"; $(BIN)/python $$program || exit 1; done
+
+# A test compares what is committed with what this writes.
+schemas: .venv/.run
+	$(BIN)/python schemas/generate.py
 
 venv: .venv/.dev
 

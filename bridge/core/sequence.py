@@ -22,9 +22,9 @@ class Missing(msgspec.Struct, frozen=True):
 
     session: str
     key: str
-    first: int
-    last: int
-    after_seq: int = 0
+    first: Count
+    last: Count
+    after_seq: Count = 0
 
     @property
     def count(self) -> int:
@@ -58,6 +58,10 @@ class Tracker:
     def started(self, session: str) -> bool:
         """Whether a beat of this session has been seen, so that its losses are visible."""
         return session in self._started
+
+    def start(self, session: str) -> int | None:
+        """After which seq of a session every event is promised: that of its first beat; None before it."""
+        return self._started.get(session)
 
     def last(self, session: str, key: str) -> int | None:
         """The last number seen, None before the first."""
