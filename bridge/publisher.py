@@ -277,7 +277,6 @@ class Publisher:
                     state.sender = self.bus.sender(state.key, self._encoding)
                 state.sender.put(codec.join([entry.element for entry in batch], self._encoding))
                 state.put_seq, state.put_key_seq = batch[-1].seq, batch[-1].key_seq
-                state.used_s = time.monotonic()
                 self._put_seq = max(self._put_seq, state.put_seq)
                 self.counters.puts += 1
                 self.counters.sent += len(batch)
@@ -285,9 +284,10 @@ class Publisher:
     def _take(self) -> list[tuple[_Key, list[_Entry]]]:
         """What waits, at most 256 events per key and put; called with the lock held."""
         batches = []
-        taken = 0
+        taken, now_s = 0, time.monotonic()
         for _ in range(len(self._changed)):
             state = self._changed.popleft()
+            state.used_s = now_s
             waiting = state.waiting
             if len(waiting) <= PUT_EVENTS:
                 batch = list(waiting)
@@ -318,19 +318,22 @@ class Publisher:
             self._beat_due = True
             self._more.notify()
 
-    def _numbers(self, *, final: bool) -> Beat:
+    def _numbers(self, *, numbered: bool = False, final: bool = False) -> Beat:
+        """How far each key has come on the bus; or, numbered, with what still waits here and can be asked for."""
         oldest_s = time.monotonic() - BEAT_MEMORY_S
         with self._lock:
             if final:
                 self.counters.unsent = self._waiting
+            if numbered or final:
                 numbers = {s.key: s.sent_key_seq for s in self._keys.values() if s.used_s >= oldest_s or s.waiting}
             else:
                 numbers = {s.key: s.put_key_seq for s in self._keys.values() if s.put_key_seq and s.used_s >= oldest_s}
+            seq = self._seq if numbered or final else self._put_seq
         return Beat(
             target=self.target,
             session=self.session,
             role=self.role,
-            seq=self._seq if final else self._put_seq,
+            seq=seq,
             keys=numbers,
             final=final,
             unsent=self.counters.unsent,
@@ -340,9 +343,9 @@ class Publisher:
         self._beats.put(msgspec.json.encode(self._numbers(final=final)))
 
     def _answer(self, question: Question) -> Iterator[Reply | Refusal]:
-        """The events of a Missing range, as payloads; without a payload the numbers of now, as a Beat."""
+        """The events of a Missing range, as payloads; without a payload how far it has numbered, as a Beat."""
         if not question.payload:
-            yield Reply(msgspec.json.encode(self._numbers(final=False)))
+            yield Reply(msgspec.json.encode(self._numbers(numbered=True)))
             return
         try:
             missing = msgspec.json.decode(question.payload, type=Missing)
