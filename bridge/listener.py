@@ -345,37 +345,20 @@ class Listener:
                     self._elements[id(event)] = Heard(event, codec.encode(event), codec.JSON, time.time_ns())
         self.counters.repaired += len(found)
         whole = missing.after_seq and evicted is not None and evicted <= missing.after_seq
-        run: list[AnyEvent] = []
-        lost = 0
-        for number in range(missing.first, missing.last + 1) if len(found) or not whole else ():
-            if number in found:
-                run.append(found[number])
-            elif not whole:
-                lost += 1
-        if lost:
-            self.counters.missing += lost
-            if lost == missing.count:
-                out.append(Gap(missing, asked))
-            else:
-                self._report_holes(missing, found, asked, out)
-                run = []
-        for event in run:
-            self._accept([event], out)
+        lost = 0 if whole else missing.count - len(found)
+        self.counters.missing += lost
+        # A stranger may claim any number: walk over what was found, never over the range.
+        follows = missing.first
+        for number in sorted(found):
+            if lost and number > follows:
+                out.append(Gap(Missing(missing.session, missing.key, follows, number - 1, missing.after_seq), asked))
+            self._accept([found[number]], out)
+            follows = number + 1
+        if lost and follows <= missing.last:
+            out.append(Gap(Missing(missing.session, missing.key, follows, missing.last, missing.after_seq), asked))
         self.tracker.pass_over(missing)
         if lost and self._table is not None and "/alarm/" in missing.key:
             self._resync(target, out)
-
-    def _report_holes(self, missing: Missing, found: dict[int, AnyEvent], reason: str, out: list[Item]) -> None:
-        start: int | None = None
-        for number in range(missing.first, missing.last + 2):
-            lost = number <= missing.last and number not in found
-            if lost and start is None:
-                start = number
-            elif not lost and start is not None:
-                out.append(Gap(Missing(missing.session, missing.key, start, number - 1, missing.after_seq), reason))
-                start = None
-            if number in found:
-                self._accept([found[number]], out)
 
     def _ask_sender(self, target: str, missing: Missing) -> tuple[dict[int, AnyEvent], int | None]:
         found: dict[int, AnyEvent] = {}
