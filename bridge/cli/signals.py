@@ -42,24 +42,25 @@ def clean_end(grace_s: float = GRACE_S) -> Iterator[None]:
     writer.setblocking(False)
 
     def watch() -> None:
-        number = reader.recv(1)
-        while number and number[0] not in SIGNALS:
-            number = reader.recv(1)
-        if number:
-            time.sleep(grace_s)
-            os._exit(128 + number[0])
+        with reader:
+            while number := reader.recv(1):
+                if number[0] in SIGNALS:
+                    time.sleep(grace_s)
+                    os._exit(128 + number[0])
 
-    threading.Thread(target=watch, name="end in time", daemon=True).start()
+    watchdog = threading.Thread(target=watch, name="end in time", daemon=True)
+    watchdog.start()
     before = [signal.signal(each, interrupt) for each in SIGNALS]
     pipe = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
     try:
         yield
     finally:
-        if not seen:  # after a signal the rest of the program, the interpreter's end included, has to hurry too
-            signal.set_wakeup_fd(pipe)
+        signal.set_wakeup_fd(pipe)
+        writer.close()
+        if not seen:  # else the rest of the program, the interpreter's end included, has to be quick and undisturbed
+            watchdog.join()
             for each, handler in zip(SIGNALS, before, strict=True):
                 signal.signal(each, handler)
-            writer.close()
 
 
 def wait_for_signal() -> None:
