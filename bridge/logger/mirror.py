@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Final, Self
 
 import msgspec
 
@@ -25,7 +25,10 @@ from bridge.listener import Gap, Item, Listener, Rejected
 from bridge.logger.book import Book
 from bridge.logger.presence import Presence
 
-BATCH = 1000
+BATCH: Final = 1000
+MAX_BEYOND: Final = 100_000
+_BEAT_STEP_S: Final = 0.05
+"""A first beat that brings no event wakes nobody."""
 
 
 class MirrorCounters(msgspec.Struct):
@@ -38,20 +41,28 @@ class MirrorCounters(msgspec.Struct):
 
 
 class _Reach:
-    """How far a session has been stored: first and last seq, and how many of them."""
+    """Up to which seq a session is stored without a hole, from where its promise starts; what came beyond a hole waits."""
 
-    __slots__ = ("count", "first", "last")
+    __slots__ = ("beyond", "upto")
 
     def __init__(self) -> None:
-        self.count, self.first, self.last = 0, 2**63, 0
+        self.upto = 0
+        self.beyond: set[int] = set()
 
     def add(self, seq: int) -> None:
-        self.count += 1
-        self.first, self.last = min(self.first, seq), max(self.last, seq)
+        self.beyond.add(seq)
+        if len(self.beyond) > MAX_BEYOND:
+            self.settle(min(self.beyond))
 
-    @property
-    def whole(self) -> bool:
-        return self.count == self.last - self.first + 1
+    def settle(self, start: int) -> int:
+        """Take everything up to `start` as known; how far it is known now."""
+        if start > self.upto:
+            self.upto = start
+            self.beyond = {seq for seq in self.beyond if seq > start}
+        while self.upto + 1 in self.beyond:
+            self.upto += 1
+            self.beyond.remove(self.upto)
+        return self.upto
 
 
 class Mirror:
@@ -152,16 +163,27 @@ class Mirror:
         return self._listener.wait_for_beat(session, timeout_s=timeout_s)
 
     def wait_for(self, session: str, seq: int, timeout_s: float = 10.0) -> bool:
-        """Wait until this mirror knows everything of a session up to `seq`, by event or by state; False when time is up."""
+        """Wait until this mirror knows everything of a session up to `seq`, by event or by state; False when time is up.
+
+        Events from before the first beat that was heard were never promised; they do not count.
+        """
 
         def known() -> bool:
-            reach = self._reach.get(session)
             if self.table.base(session) >= seq:
                 return True
-            return reach is not None and reach.last >= seq and reach.whole
+            if not self._listener.wait_for_beat(session, timeout_s=0):
+                return False
+            start, reach = self._listener.tracker.start(session) or 0, self._reach.get(session)
+            return start >= seq if reach is None else reach.settle(start) >= seq
 
+        deadline = time.monotonic() + timeout_s
         with self._news:
-            return self._news.wait_for(known, timeout_s)
+            while not known():
+                left = deadline - time.monotonic()
+                if left <= 0:
+                    return False
+                self._news.wait(min(left, _BEAT_STEP_S))
+            return True
 
     def close(self, timeout_s: float = 2.0) -> int:
         """Stop following and close the cache; how many rows could not be written. Takes at most about timeout_s."""

@@ -31,6 +31,7 @@ def test_a_mirror_has_the_alarms_and_the_events(bus: Bus) -> None:
         with Mirror(bus, "plc1") as mirror, Publisher(bus, "plc1") as publisher:
             assert mirror.wait_for(logger.session, 1)
             assert [alarm.event_id for alarm in mirror.alarms] == [1]
+            assert mirror.wait_for_promise(logger.session)
             logger.raise_alarm(after)
             logger.confirm_alarm(before)
             logger.clear_alarm(before)
@@ -72,13 +73,15 @@ def test_a_mirrors_cache_holds_the_alarms_as_they_are(bus: Bus, tmp_path: Path) 
     with EventLogger("plc1", bus=bus) as logger, Mirror(bus, "plc1", cache=path) as mirror:
         logger.raise_alarm(new_alarm(logger, 1))
         assert mirror.wait_for(logger.session, 1)
+    with Cache(path) as cache:
+        assert _ids([kept.alarm for kept in cache.load_alarms()]) == [1]
     with EventLogger("plc1", bus=bus) as logger:
         logger.raise_alarm(new_alarm(logger, 2))
+        assert logger.publisher.flush()
         with Mirror(bus, "plc1", cache=path) as mirror:
             assert [alarm.event_id for alarm in mirror.alarms] == [2]
     with Cache(path) as cache:
         assert _ids([kept.alarm for kept in cache.load_alarms()]) == [2]
-        assert cache.count() == 1
 
 
 def _ids(alarms: list[Alarm]) -> list[int]:
