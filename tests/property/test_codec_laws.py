@@ -41,9 +41,9 @@ values: st.SearchStrategy[Value] = st.one_of(
     st.binary(max_size=20),
     st.builds(EventReference, u32, st.none() | guids),
 )
-arguments = st.lists(st.one_of(values.map(Argument.of), st.builds(Argument, st.integers(0, 2**16 - 1), texts)), max_size=5).map(
-    tuple
-)
+arguments = st.lists(
+    st.one_of(values.map(Argument.of), st.builds(Argument, st.integers(0, 25) | st.integers(0, 2**16 - 1), texts)), max_size=5
+).map(tuple)
 
 
 @st.composite

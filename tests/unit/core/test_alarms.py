@@ -665,6 +665,15 @@ def test_a_snapshot_makes_the_loggers_before_it_stale() -> None:
     assert table.alarms[HERE].time_cleared_ns == 70
 
 
+def test_a_logger_known_from_a_snapshot_only_is_stale_too() -> None:
+    """An alarm from a run before stands in the snapshot: late events of that run change nothing, on no alarm."""
+    table = AlarmTable()
+    table.load(fold([number(alarm_raised(), 7, "s0")]).alarms.values(), "s1", 1, target="plc1")
+    assert table.apply(number(alarm_cleared(), 8, "s0")) is False
+    assert table.apply(number(alarm_raised(event_id=2), 9, "s0")) is False
+    assert table.apply(number(alarm_cleared(time_ns=70), 2, "s1")) is True
+
+
 def test_a_logger_that_comes_back_counts_again() -> None:
     """After a healed partition the older logger stays: its snapshot makes its events good again, and the other's stale."""
     table = fold([RAISED])

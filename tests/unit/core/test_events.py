@@ -228,6 +228,12 @@ def test_1024_bytes_of_arguments_fit_and_1025_do_not() -> None:
     assert over(message_sent(arguments=(Argument.of("x" * 511 + "ü"), Argument.of("x" * 510)))).measured == 1025
 
 
+def test_arguments_that_say_little_and_weigh_much_are_measured_too() -> None:
+    """A reference with a class is 20 bytes even when a foreign sender left its text empty: 51 fit, 52 do not."""
+    check_limits(message_sent(arguments=(Argument(T.EVENT_REFERENCE, ""),) * 51))
+    assert over(message_sent(arguments=(Argument(T.EVENT_REFERENCE, ""),) * 52)).measured == 1040
+
+
 def test_packed_data_is_the_sum_of_the_arguments() -> None:
     """BYTE, WORD and DWORD as UInt8, 16 and 32 take 1, 2 and 4 bytes."""
     arguments = (Argument.of(1, T.UINT8), Argument.of(1, T.UINT16), Argument.of(1, T.UINT32))

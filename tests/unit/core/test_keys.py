@@ -171,6 +171,13 @@ def test_a_selection_takes_an_event_or_its_key(selection: Selection, taken: bool
     assert includes(selection, alarm_raised(severity=Severity.ERROR)) is taken
 
 
+def test_an_empty_target_selects_nothing() -> None:
+    """None is every target; "" is a name that no target can have, and no key expression."""
+    assert not includes(Selection(target=""), parse_event_key(KEY))
+    with pytest.raises(KeyFormatError):
+        expression(LIVE, Selection(target=""))
+
+
 def test_a_selected_class_has_one_spelling() -> None:
     """However the GUID is written, expression and includes() mean the same class; a name is refused at once."""
     selection = Selection(event_class=f"{{{EVENT_CLASS.upper()}}}")

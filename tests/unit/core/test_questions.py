@@ -114,6 +114,12 @@ def test_an_alarm_in_a_state_has_the_names_of_an_event() -> None:
     )
 
 
+def test_a_question_without_words_asks_for_all() -> None:
+    """Every stored event, the newest first."""
+    question = msgspec.json.decode("{}", type=LogQuestion)
+    assert (question.filter, question.limit, question.offset, question.newest_first, question.missing) == ("", 0, 0, True, None)
+
+
 def test_an_answer_has_at_most_a_thousand_items() -> None:
     """More come in parts; the promise stands in docs/promises.md."""
     assert PART_ITEMS == 1000
