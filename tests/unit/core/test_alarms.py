@@ -363,11 +363,11 @@ def test_every_row_has_its_source() -> None:
 
 
 def test_what_the_manual_leaves_open_is_in_the_decision() -> None:
-    """The rows' questions are those of decision 0006, but for two that are about no call: the new alarm, the clean stop."""
+    """The rows' questions are those of decision 0006, but for three about no call: the new alarm, the clean stop, the kill."""
     table = re.findall(r"^\| ([^|]+) \| [^|]+ \|$", DECISION, re.MULTILINE)
     questions = set(table) - {"question", "---"}
     asked = {source for expected in ROWS for source in sources(expected) if source not in RULES}
-    assert questions - asked == {"created, not yet raised", "clean stop of a logger"}
+    assert questions - asked == {"created, not yet raised", "clean stop of a logger", "a killed logger"}
     assert asked <= questions
 
 
