@@ -45,8 +45,8 @@ def listen(
         open_bus(settings) as bus,
         Listener(bus, expr, realm=settings.realm, target=settings.target or None, with_state=with_state) as listener,
     ):
-        note(f"listening in realm {settings.realm} for {to_text(listener.filter) or 'everything'}")
         try:
+            note(f"listening in realm {settings.realm} for {to_text(listener.filter) or 'everything'}")
             if with_state and common.json:
                 for alarm in listener.alarms:
                     print_json({"state": view.alarm_record(alarm)})

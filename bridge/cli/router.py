@@ -30,11 +30,11 @@ def router(*, common: Network = NETWORK) -> int:
         config = msgspec.structs.replace(config, listen=(endpoint,))
     with open_bus(config) as bus:
         where = ", ".join(config.listen) or f"the endpoints of {config.config}"
-        if common.json:
-            print_json({"ready": "router", "id": bus.id, "listen": config.listen})
-        else:
-            print(f"router {bus.id} listens on {where}", flush=True)
         try:
+            if common.json:
+                print_json({"ready": "router", "id": bus.id, "listen": config.listen})
+            else:
+                print(f"router {bus.id} listens on {where}", flush=True)
             wait_for_signal()
         except Interrupted:
             return Exit.OK

@@ -1,0 +1,97 @@
+"""The demo: the main job with real processes, and a comparison that finds one changed event."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+def tcbridge(folder: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
+    """Run a command to its end."""
+    environ = os.environ | {"PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "bridge.cli", *arguments]
+    return subprocess.run(command, cwd=folder, env=environ, capture_output=True, encoding="utf-8", timeout=60)
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, "subprocess.CompletedProcess[str]", float]:
+    """One run of the demo, kept."""
+    folder = tmp_path_factory.mktemp("demo")
+    started_s = time.monotonic()
+    result = tcbridge(folder, "demo", "--keep", "kept")
+    return folder, result, time.monotonic() - started_s
+
+
+def test_the_replay_equals_what_was_live(demo: tuple[Path, "subprocess.CompletedProcess[str]", float]) -> None:
+    """It says so in its last lines, with how many events and alarms, and ends with 0 in less than 20 s."""
+    _, result, seconds = demo
+    assert (result.returncode, result.stderr) == (0, "")
+    assert "\nreplay equals live: yes (31 events, 3 alarms)\n" in result.stdout
+    assert seconds < 20
+
+
+def test_listeners_print_what_their_filters_take(demo: tuple[Path, "subprocess.CompletedProcess[str]", float]) -> None:
+    """Readable lines, each with who heard it: faults from error on; the robot's third axis whatever it says."""
+    lines = demo[1].stdout.splitlines()
+    faults = [line for line in lines if line.startswith("faults     2")]
+    robot = [line for line in lines if line.startswith("robot      2")]
+    assert (len(faults), len(robot)) == (8, 7)
+    assert all(" error " in line or " critical " in line for line in faults)
+    assert all(line.endswith("[Line1.Robot.Axis3]") for line in robot)
+
+
+def test_both_states_are_printed(demo: tuple[Path, "subprocess.CompletedProcess[str]", float]) -> None:
+    """The alarms of the live and of the fresh logger, as equal tables."""
+    live = demo[1].stdout.split("alarms of the live logger\n")[1].split("\n\n")[0]
+    fresh = demo[1].stdout.split("alarms of the fresh logger after the replay\n")[1].split("\n\n")[0]
+    assert live == fresh
+    assert len(live.splitlines()) == 4
+
+
+def test_the_same_comparison_can_be_made_again(demo: tuple[Path, "subprocess.CompletedProcess[str]", float]) -> None:
+    """With what was kept, replay --against says yes."""
+    again = tcbridge(demo[0], "replay", "kept/demo.mcap", "--against", "kept/live.json")
+    assert (again.returncode, again.stdout.splitlines()[-1]) == (0, "replay equals live: yes (31 events, 3 alarms)")
+
+
+def test_one_changed_event_is_found(demo: tuple[Path, "subprocess.CompletedProcess[str]", float]) -> None:
+    """The comparison says no, names the difference, and ends with 1."""
+    folder = demo[0]
+    command = [sys.executable, str(ROOT / "examples" / "change_one_event.py"), "kept/demo.mcap", "changed.mcap"]
+    environ = os.environ | {"PYTHONPATH": str(ROOT)}
+    changed = subprocess.run(command, cwd=folder, env=environ, capture_output=True, encoding="utf-8", timeout=60, check=True)
+    words = changed.stdout.split()
+    result = tcbridge(folder, "replay", "changed.mcap", "--against", "kept/live.json")
+    assert result.returncode == 1
+    *_, difference, answer = result.stdout.splitlines()
+    assert difference.strip().startswith(f"event {words[2]} of session {words[5]} of plant")
+    assert difference.endswith('[{"type":21,"value":"changed"}] replayed')
+    assert answer == "replay equals live: no (31 events, 3 alarms)"
+    told = tcbridge(folder, "replay", "changed.mcap", "--against", "kept/live.json", "--json")
+    last = json.loads(told.stdout.splitlines()[-1])
+    assert (told.returncode, last["replay_equals_live"], len(last["differences"])) == (1, False, 1)
+
+
+def test_nothing_that_is_kept_is_overwritten(demo: tuple[Path, "subprocess.CompletedProcess[str]", float]) -> None:
+    """A second demo into the same folder is refused."""
+    assert tcbridge(demo[0], "demo", "--keep", "kept").returncode == 2
+
+
+def test_no_process_stays(demo: tuple[Path, "subprocess.CompletedProcess[str]", float]) -> None:
+    """When the demo is over, nothing of it runs: no process has its realm in its command line."""
+    realm = demo[1].stdout.split("realm ")[1].split(",")[0]
+    left = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            line = path.read_bytes()
+        except OSError:
+            continue
+        if realm.encode() in line:
+            left.append(line)
+    assert left == []
