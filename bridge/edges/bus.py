@@ -36,7 +36,8 @@ class BusError(RuntimeError):
 class BusConfig(msgspec.Struct, frozen=True, kw_only=True):
     """How a program reaches the bus.
 
-    lan opens listening and scouting to the network on purpose; connect and listen are Zenoh endpoints ("tcp/host:7447");
+    lan opens listening and scouting to the network on purpose; connect and listen are Zenoh endpoints ("tcp/host:7447"). Who
+    listens on an endpoint is a router for those who connect to it, who are its clients: Zenoh passes nothing on between peers.
     config is a Zenoh configuration file (json5, yaml, toml), taken as it is, with our timing settings on top.
     """
 
@@ -69,9 +70,12 @@ def _settings(config: BusConfig) -> dict[str, object]:
         listen = ("tcp/0.0.0.0:0", "tcp/[::]:0")[: 1 if config.mode != "router" else 2] if config.lan else ("tcp/127.0.0.1:0",)
     if not config.lan and not config.listen and not config.scouting and not config.connect:
         listen = ()
+    mode = config.mode
+    if mode == "peer" and not config.lan:
+        mode = "router" if config.listen else "client" if config.connect else mode
     settings: dict[str, object] = {
-        "mode": config.mode,
-        "listen/endpoints": list(listen) if config.mode != "client" else [],
+        "mode": mode,
+        "listen/endpoints": list(listen) if mode != "client" else [],
         "connect/endpoints": list(config.connect),
         "scouting/multicast/enabled": config.scouting,
         "scouting/multicast/address": config.scouting_group,
