@@ -545,7 +545,8 @@ class Listener:
                 with contextlib.suppress(msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
                     beats.append(msgspec.json.decode(answer.payload, type=Beat))
             if not beats:
-                if session not in self._final:
+                # Who is closing just now answers no more, but its final beat is on its way through another queue.
+                if not self.wait_for_final(session, RECHECK_S):
                     silent.append(session)
             elif self._judge(beats[0], look=True):
                 self._closed.wait(RECHECK_S)
