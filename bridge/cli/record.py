@@ -46,6 +46,7 @@ def record(
         tcbridge record plant.mcap --filter "severity >= warning" --duration 60
     """
     from bridge.cli import program_version
+    from bridge.edges.recording import summary
     from bridge.recorder import Recorder
 
     settings = common.load()
@@ -72,15 +73,16 @@ def record(
             pass
         finally:
             recorder.close(SETTLE_S)
-    totals = recorder.totals
+    found = summary(recorder.path)
+    totals = found.totals
     if common.json:
         facts = {"events": totals.events, "gaps": totals.gaps, "missing": totals.gap_events, "rejected": totals.rejected}
-        print_json({"recorded": str(recorder.path), "complete": totals.complete, **facts})
+        print_json({"recorded": str(recorder.path), "complete": found.complete, **facts})
     else:
         missing = f", {totals.gap_events:,} missing in {totals.gaps:,} gaps" if totals.gaps else ""
         rejected = f", {totals.rejected:,} payloads rejected" if totals.rejected else ""
-        print(f"recorded {totals.events:,} events to {recorder.path}{missing}{rejected}; complete: {totals.complete}")
-    return Exit.OK if totals.complete == "yes" else Exit.LOST
+        print(f"recorded {totals.events:,} events to {recorder.path}{missing}{rejected}; complete: {found.complete}")
+    return Exit.OK if found.complete == "yes" else Exit.LOST
 
 
 def _wait(recorder: "Recorder", count: int | None, duration: float | None) -> None:
