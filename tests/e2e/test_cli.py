@@ -295,6 +295,26 @@ def test_record_info_and_replay(shell: Shell) -> None:
     assert json.loads(shell.run("replay", "plant.mcap", "--dry-run", "--json").stdout)["would_replay"]["events"] == 2
 
 
+def test_a_sender_that_is_killed_leaves_an_unknown_tail(shell: Shell) -> None:
+    """Nobody knows what a killed logger sent last: record says so, ends with 3, and info with 1."""
+    serve = shell.start("serve", "--target", "plc1", "--json")
+    session = json.loads(serve.wait_for("ready"))["session"]
+    record = shell.start("record", "plant.mcap")
+    record.wait_for("recording", stderr=True)
+    listen = shell.start("listen", "--json")
+    listen.wait_for("listening", stderr=True)
+    shell.run("raise", "Faults", "DoorOpen", "--classes", str(CLASSES), "--target", "plc1", "--wait", "10")
+    listen.wait_for("alarm_raised")
+    shell.run("send", "Line", "Homed", "--classes", str(CLASSES), "--target", "plc1", "--wait", "10")
+    serve.process.kill()
+    assert json.loads(listen.wait_for("tail_unknown"))["session"] == session
+    assert listen.stop()[0] == 3
+    code, rest = record.stop()
+    assert (code, rest) == (3, "recorded 2 events to plant.mcap; complete: tail unknown\n")
+    info = shell.run("info", "plant.mcap", bus=False)
+    assert (info.returncode, session in info.stdout) == (1, True)
+
+
 def test_a_replay_among_live_events_needs_a_yes(shell: Shell) -> None:
     """Nobody is asked where nobody can answer: without --yes it is refused."""
     _record(shell)
