@@ -9,6 +9,8 @@ Rule 4: a beat each second says how far every key has come, so that a lost tail 
 could not be sent.
 """
 
+import contextlib
+import logging
 import os
 import sys
 import threading
@@ -16,18 +18,19 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
-from typing import Final, Literal, TypeAlias, TypeVar
+from typing import Final, TypeVar
 
 import msgspec
 
 from bridge.core import codec, keys
 from bridge.core.arguments import Argument, Value, guid
-from bridge.core.events import DEFAULT_LIMITS, AnyEvent, Limits, MessageSent, Severity, Source, check_limits
+from bridge.core.events import DEFAULT_LIMITS, AnyEvent, Limits, MessageSent, Severity, Source, check_limits, check_values
 from bridge.core.sequence import Beat, Missing
-from bridge.edges.bus import Bus, Question, Refusal, Reply, Sender
+from bridge.edges.bus import Bus, BusError, Question, Refusal, Reply, Sender
+from bridge.inbox import OnFull
 
 _E = TypeVar("_E", bound=AnyEvent)
-OnFull: TypeAlias = Literal["drop", "wait"]
+log: Final = logging.getLogger(__name__)
 PUT_EVENTS: Final = 256
 REPLY_EVENTS: Final = 1000
 BEAT_S: Final = 1.0
@@ -146,6 +149,7 @@ class Publisher:
         self._seq = 0
         self._put_seq = 0
         self._waiting = 0
+        self._refused = 0
         self._changed: deque[_Key] = deque()
         self._messages: deque[_Entry] = deque()
         self._lock = threading.Lock()
@@ -203,11 +207,12 @@ class Publisher:
     def send(self, event: _E) -> _E:
         """Number, encode, keep and queue one event; returns it as numbered. Its time, if not set, is now.
 
-        LimitError over a limit (nothing is numbered then), QueueFullError when only alarm transitions wait and there is no
-        room, PublisherClosedError after close().
+        LimitError over a limit and ValueError for a number out of range (nothing is numbered then), QueueFullError when only
+        alarm transitions wait and there is no room, PublisherClosedError after close().
         """
         if event.target != self.target:
             raise ValueError(f"event of target {event.target!r} sent under {self.target!r}")
+        check_values(event)
         check_limits(event, self._limits)
         place = (event.event_class, event.is_alarm, event.severity)
         with self._lock:
@@ -273,9 +278,14 @@ class Publisher:
             if done:
                 return
             for state, batch in batches:
-                if state.sender is None:
-                    state.sender = self.bus.sender(state.key, self._encoding)
-                state.sender.put(codec.join([entry.element for entry in batch], self._encoding))
+                try:
+                    if state.sender is None:
+                        state.sender = self.bus.sender(state.key, self._encoding)
+                    state.sender.put(codec.join([entry.element for entry in batch], self._encoding))
+                except BusError as error:
+                    log.warning("%d events not sent: %s", len(batch), error)
+                    self._refused += len(batch)
+                    continue
                 state.put_seq, state.put_key_seq = batch[-1].seq, batch[-1].key_seq
                 self._put_seq = max(self._put_seq, state.put_seq)
                 self.counters.puts += 1
@@ -323,7 +333,7 @@ class Publisher:
         oldest_s = time.monotonic() - BEAT_MEMORY_S
         with self._lock:
             if final:
-                self.counters.unsent = self._waiting
+                self.counters.unsent = self._waiting + self._refused
             if numbered or final:
                 numbers = {s.key: s.sent_key_seq for s in self._keys.values() if s.used_s >= oldest_s or s.waiting}
             else:
@@ -340,7 +350,8 @@ class Publisher:
         )
 
     def _beat(self, *, final: bool) -> None:
-        self._beats.put(msgspec.json.encode(self._numbers(final=final)))
+        with contextlib.suppress(BusError):
+            self._beats.put(msgspec.json.encode(self._numbers(final=final)))
 
     def _answer(self, question: Question) -> Iterator[Reply | Refusal]:
         """The events of a Missing range, as payloads; without a payload how far it has numbered, as a Beat."""
@@ -405,7 +416,7 @@ class Publisher:
                 self._room.notify_all()
         self._thread.join(timeout_s + 1.5)
         with self._lock:
-            self.counters.unsent = self._waiting
+            self.counters.unsent = self._waiting + self._refused
         self._sent.close()
         self._alive.close()
         self._beats.close()

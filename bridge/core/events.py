@@ -17,6 +17,7 @@ import msgspec
 from bridge.core.arguments import Argument, guid, native_size, utf8_size
 from bridge.core.times import MAX_TIME_NS
 
+MAX_U32: Final = 2**32 - 1
 U32 = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 Time = Annotated[int, msgspec.Meta(ge=0, le=MAX_TIME_NS)]
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
@@ -181,6 +182,22 @@ class LimitError(ValueError):
     def __init__(self, limit: str, field: str, measured: int, allowed: int) -> None:
         self.limit, self.field, self.measured, self.allowed = limit, field, measured, allowed
         super().__init__(f"{field}: {measured} is over the limit {limit} = {allowed}")
+
+
+def check_values(event: Event) -> None:
+    """Return when every number is in range; else ValueError with the field, the value and the range."""
+    if 0 <= event.event_id <= MAX_U32 and 0 <= event.time_ns <= MAX_TIME_NS and event.vendor_id is None:
+        return
+    for name, top in (
+        ("event_id", MAX_U32),
+        ("time_ns", MAX_TIME_NS),
+        ("vendor_id", MAX_U32),
+        ("product_code", MAX_U32),
+        ("revision_no", MAX_U32),
+    ):
+        value = getattr(event, name)
+        if value is not None and not 0 <= value <= top:
+            raise ValueError(f"{name}: {value} is outside 0..{top}")
 
 
 def argument_bytes(arguments: tuple[Argument, ...]) -> int:

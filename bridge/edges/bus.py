@@ -146,8 +146,16 @@ class Sender:
     def __init__(self, publisher: zenoh.Publisher, key: str) -> None:
         self._publisher = publisher
         self.key = key
-        self.put = publisher.put
-        """Hand a payload to the bus; blocks up to wait_before_close when a receiver is stopped. Never reports loss."""
+
+    def put(self, payload: bytes) -> None:
+        """Hand a payload to the bus; blocks up to wait_before_close when a receiver is stopped. Never reports loss.
+
+        BusError when the bus is closed.
+        """
+        try:
+            self._publisher.put(payload)
+        except zenoh.ZError as error:
+            raise BusError(f"cannot put on {self.key!r}: {error}") from None
 
     def is_matched(self) -> bool:
         """Whether anybody is subscribed to the key now."""

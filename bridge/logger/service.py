@@ -42,12 +42,12 @@ from bridge.core.questions import (
 )
 from bridge.edges.bus import LOCAL, Bus, BusConfig, Closable, Question, Refusal, Reply, open_bus
 from bridge.edges.cache import Cache, CacheError
-from bridge.inbox import Dropped
+from bridge.inbox import Dropped, OnFull
 from bridge.listener import Gap, Listener, Rejected
 from bridge.logger.book import Book
 from bridge.logger.commands import Commands
 from bridge.logger.presence import loggers, session_of, token_key
-from bridge.publisher import OnFull, Publisher, PublisherClosedError, QueueFullError, default_source
+from bridge.publisher import Publisher, PublisherClosedError, QueueFullError, default_source
 
 log: Final = logging.getLogger(__name__)
 
