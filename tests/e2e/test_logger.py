@@ -247,7 +247,7 @@ def test_of_two_that_meet_the_older_one_stays(tmp_path: Path) -> None:
         assert listener.wait_for_beat(younger.session)
         assert set(listener.table.alarms) == {lost.key}
 
-        stack.enter_context(open_bus(BusConfig(scouting=False, connect=tuple(ends))))
+        stack.enter_context(open_bus(BusConfig(mode="router", scouting=False, connect=tuple(ends))))
         assert stepped_back.wait(20)
         assert older.session in younger.read_only
         assert not older.read_only

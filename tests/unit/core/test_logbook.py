@@ -20,7 +20,7 @@ from bridge.core.hresult import (
 )
 from bridge.core.logbook import Changes, Kept, Logbook, Plan
 from bridge.core.questions import CommandAnswer, CommandQuestion
-from bridge.testing.builders import EVENT_CLASS, TARGET, TIME_NS, alarm_cleared, alarm_raised, message_sent
+from bridge.testing.builders import EVENT_CLASS, TARGET, TIME_NS, alarm_cleared, alarm_disposed, alarm_raised, message_sent
 
 KEY = AlarmKey(TARGET, EVENT_CLASS, 1, None, "MAIN.pump", None)
 NOW_NS = TIME_NS + 5
@@ -371,14 +371,16 @@ def test_a_replay_seen_twice_changes_no_alarm() -> None:
 def test_a_recorded_state_takes_the_place_of_what_was_known() -> None:
     """A keyframe brings alarms without events, removes those it does not have, and leaves other targets alone."""
     book = Logbook(None)
-    book.replay(alarm_raised(session="a", seq=1), NOW_NS)
+    for event in (alarm_raised(session="a", seq=1), alarm_raised(event_id=8, session="a", seq=2)):
+        book.replay(event, NOW_NS)
+    book.replay(alarm_disposed(event_id=8, session="a", seq=3), NOW_NS)
     book.replay(alarm_raised(target="plc2", session="b", seq=1), NOW_NS)
     there = Alarm(target=TARGET, event_class=EVENT_CLASS, event_id=5, severity=Severity.INFO, raised=True, session="c", seq=3)
     changes = book.load_state(TARGET, "c", 3, [there])
-    assert [(key.target, key.event_id) for key in changes.gone] == [(TARGET, 1)]
+    assert [(key.target, key.event_id) for key in changes.gone] == [(TARGET, 1)], "once, not what was gone before"
     assert {(key.target, key.event_id) for key in book.table.alarms} == {(TARGET, 5), ("plc2", 1)}
     life = next(kept.unique_id for kept in changes.alarms if kept.alarm == there)
-    assert life > 2
+    assert life > 3
     assert book.replay(alarm_cleared(event_id=5, session="c", seq=3), NOW_NS).alarms == ()
     assert book.replay(alarm_cleared(event_id=5, session="c", seq=4), NOW_NS).events[0].unique_id == life
 

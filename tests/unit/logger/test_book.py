@@ -80,10 +80,12 @@ class _Failing(Cache):
     """A cache whose disk is full whenever the test says so."""
 
     full = False
+    alarm_rows = 0
 
     def append(self, batch: StoreBatch, *, durable: bool = False) -> None:
         if self.full:
             raise CacheError(self.path, "disk is full")
+        self.alarm_rows += len(batch.alarms) + len(batch.removals)
         super().append(batch, durable=durable)
 
 
@@ -101,3 +103,4 @@ def test_alarm_states_that_could_not_be_stored_are_stored_later() -> None:
         kept = {kept.alarm.event_id: kept.alarm.raised for kept in cache.load_alarms()}
         assert kept == {1: False, 2: True}
         assert [row.event for row in book.log(LogQuestion())] == [raised]
+        assert cache.alarm_rows == 3, "each state is written once, not again with every later event"
