@@ -13,110 +13,54 @@ import threading
 import time
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from types import TracebackType
-from typing import Final, TypeAlias
+from typing import Final
 
 import msgspec
 
 from bridge.core import codec, keys
 from bridge.core.alarms import Alarm, AlarmTable
-from bridge.core.events import (
-    DEFAULT_LIMITS,
-    AlarmCleared,
-    AlarmConfirmed,
-    AlarmDisposed,
-    AlarmRaised,
-    AnyEvent,
-    Event,
-    Limits,
-    MessageSent,
-    is_active,
-)
+from bridge.core.events import DEFAULT_LIMITS, AnyEvent, Event, Limits, MessageSent
 from bridge.core.filters.ast import And, Compare, Everything, Expr, resolve
 from bridge.core.filters.cover import cover, residual
 from bridge.core.filters.predicate import compile_filter
 from bridge.core.filters.text import parse
-from bridge.core.questions import LogPart, LogQuestion, StatePart
 from bridge.core.sequence import Beat, Missing, Tracker
 from bridge.edges.bus import Arrival, Bus, Receiver
 from bridge.inbox import Dropped, Inbox, OnFull
+from bridge.notices import (
+    Gap,
+    Heard,
+    Item,
+    ListenerCounters,
+    Notice,
+    Rejected,
+    Snapshot,
+    TailUnknown,
+    TwoLoggers,
+    TwoLoggersError,
+    dispatch,
+)
+from bridge.repair import ask_log, ask_sender, ask_state, elements_of
+
+__all__ = [
+    "Dropped",
+    "Gap",
+    "Heard",
+    "Item",
+    "Listener",
+    "ListenerCounters",
+    "Notice",
+    "Rejected",
+    "Snapshot",
+    "TailUnknown",
+    "TwoLoggers",
+    "TwoLoggersError",
+    "dispatch",
+]
 
 RECHECK_S: Final = 0.1
 """How long a tail may stay missing before it is asked for: events and beats come through different queues."""
 BATCH: Final = 1024
-
-
-class Gap(msgspec.Struct, frozen=True):
-    """Events that were sent and are nowhere to be had: `missing.count` of them, here, and why not."""
-
-    missing: Missing
-    reason: str
-
-
-class Rejected(msgspec.Struct, frozen=True):
-    """A payload (whole) or one element of it that is no event: its key, its bytes and why."""
-
-    key: str
-    raw: bytes
-    reason: str
-    whole_payload: bool = False
-
-
-class TailUnknown(msgspec.Struct, frozen=True):
-    """A sender is gone without its final beat: what it sent last cannot be known."""
-
-    target: str
-    session: str
-
-
-class TwoLoggers(msgspec.Struct, frozen=True):
-    """Two loggers answer for a target now, as after a healed partition: its state stays as it was until one steps back."""
-
-    target: str
-    sessions: tuple[str, ...]
-
-
-class Heard(msgspec.Struct, frozen=True, gc=False):
-    """An event with the bytes it came in and when it came (Unix ns): what a recorder wants."""
-
-    event: AnyEvent
-    element: bytes
-    encoding: str
-    arrival_ns: int
-
-
-class Snapshot(msgspec.Struct, frozen=True):
-    """The alarms of a target that were raised and not disposed; events of `session` up to `seq` are folded in, perhaps more."""
-
-    target: str
-    session: str
-    seq: int
-    alarms: tuple[Alarm, ...]
-
-
-Notice: TypeAlias = Dropped | Gap | Rejected | TailUnknown | TwoLoggers
-Item: TypeAlias = AnyEvent | Heard | Notice
-
-
-class ListenerCounters(msgspec.Struct):
-    """What a listener saw. missing events were never to be had; repaired ones came late but in their place."""
-
-    payloads: int = 0
-    received: int = 0
-    passed: int = 0
-    duplicates: int = 0
-    repaired: int = 0
-    missing: int = 0
-    rejected_payloads: int = 0
-    rejected_events: int = 0
-    tails_unknown: int = 0
-
-
-class TwoLoggersError(RuntimeError):
-    """Two loggers answer for one target, where exactly one is right; names both sessions."""
-
-    def __init__(self, target: str, sessions: Sequence[str]) -> None:
-        self.target, self.sessions = target, tuple(sessions)
-        super().__init__(f"target {target!r} has {len(sessions)} loggers: {', '.join(sessions)}")
 
 
 class Listener:
@@ -210,7 +154,7 @@ class Listener:
             return
         if self._keep_bytes:
             self._elements.clear()
-            self._remember(arrival.payload, arrival.encoding, decoded)
+            self._elements.update(elements_of(arrival.payload, arrival.encoding, decoded))
         if decoded.rejected:
             self.counters.rejected_events += len(decoded.rejected)
             out.extend(Rejected(arrival.key, element.raw, element.reason) for element in decoded.rejected)
@@ -236,18 +180,6 @@ class Listener:
             else:
                 self._see(arrival.key, event, event.key_seq, out)
                 self._accept([event], out)
-
-    def _remember(self, payload: bytes, encoding: str, decoded: codec.Decoded) -> None:
-        """Keep each event's bytes until it is handed over; the raw slices of rejected elements stand between them."""
-        encoding = encoding.partition(";")[0]
-        elements = codec.split(payload, encoding)
-        if decoded.rejected:
-            bad = [rejected.raw for rejected in decoded.rejected]
-            for raw in bad:
-                elements.remove(raw)
-        arrival_ns = time.time_ns()
-        for event, element in zip(decoded.events, elements, strict=True):
-            self._elements[id(event)] = Heard(event, element, encoding, arrival_ns)
 
     def _see(self, key: str, first: Event, last: int, out: list[Item]) -> None:
         missing = self.tracker.see(first.session, key, first.key_seq, last)
@@ -288,17 +220,8 @@ class Listener:
         """
         if self._table is None:
             return
-        parts: dict[tuple[str, str], list[StatePart]] = {}
-        for answer in self.bus.ask(keys.verb_key(self.realm, target, "@state"), timeout_s=2.0):
-            if answer.error:
-                continue
-            try:
-                part = msgspec.json.decode(answer.payload, type=StatePart)
-            except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
-                self.counters.rejected_payloads += 1
-                continue
-            if not part.read_only:
-                parts.setdefault((part.target, part.session), []).append(part)
+        parts, undecodable = ask_state(self.bus, self.realm, target)
+        self.counters.rejected_payloads += undecodable
         owners: dict[str, list[str]] = {}
         for name, session in parts:
             owners.setdefault(name, []).append(session)
@@ -337,12 +260,13 @@ class Listener:
 
     def _recover(self, target: str, missing: Missing, out: list[Item]) -> None:
         """Fill a gap from its sender, then from the logger; what is left is reported. The range is dealt with afterwards."""
-        found, evicted = self._ask_sender(target, missing)
+        found, evicted = ask_sender(self.bus, self.realm, target, missing, self._limits)
         asked = "its sender does not answer" if evicted is None else "its sender no longer holds it"
         if len(found) < missing.count and (evicted is None or evicted > missing.after_seq):
-            for event in self._ask_log(target, missing):
-                if found.setdefault(event.key_seq, event) is event and self._keep_bytes:
-                    self._elements[id(event)] = Heard(event, codec.encode(event), codec.JSON, time.time_ns())
+            for heard in ask_log(self.bus, self.realm, target, missing):
+                found.setdefault(heard.event.key_seq, heard)
+        if self._keep_bytes:
+            self._elements.update((id(heard.event), heard) for heard in found.values())
         self.counters.repaired += len(found)
         whole = missing.after_seq and evicted is not None and evicted <= missing.after_seq
         lost = 0 if whole else missing.count - len(found)
@@ -352,42 +276,13 @@ class Listener:
         for number in sorted(found):
             if lost and number > follows:
                 out.append(Gap(Missing(missing.session, missing.key, follows, number - 1, missing.after_seq), asked))
-            self._accept([found[number]], out)
+            self._accept([found[number].event], out)
             follows = number + 1
         if lost and follows <= missing.last:
             out.append(Gap(Missing(missing.session, missing.key, follows, missing.last, missing.after_seq), asked))
         self.tracker.pass_over(missing)
         if lost and self._table is not None and "/alarm/" in missing.key:
             self._resync(target, out)
-
-    def _ask_sender(self, target: str, missing: Missing) -> tuple[dict[int, AnyEvent], int | None]:
-        found: dict[int, AnyEvent] = {}
-        evicted: int | None = None
-        key = keys.parse_event_key(missing.key)
-        question = keys.verb_key(self.realm, target, "@sent", missing.session)
-        for answer in self.bus.ask(question, msgspec.json.encode(missing), timeout_s=1.0):
-            if answer.error:
-                continue
-            with contextlib.suppress(codec.CodecError, ValueError):
-                evicted = int(answer.note)
-                decoded = codec.decode(answer.payload, answer.encoding, key, self._limits)
-                if self._keep_bytes:
-                    self._remember(answer.payload, answer.encoding, decoded)
-                for event in decoded.events:
-                    if event.session == missing.session and missing.first <= event.key_seq <= missing.last:
-                        found[event.key_seq] = event
-        return found, evicted
-
-    def _ask_log(self, target: str, missing: Missing) -> list[AnyEvent]:
-        question = msgspec.json.encode(LogQuestion(missing=missing))
-        events: list[AnyEvent] = []
-        for answer in self.bus.ask(keys.verb_key(self.realm, target, "@log"), question, timeout_s=2.0):
-            if not answer.error:
-                with contextlib.suppress(msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
-                    part = msgspec.json.decode(answer.payload, type=LogPart)
-                    events.extend(stored.event for stored in part.events)
-        wanted = range(missing.first, missing.last + 1)
-        return [event for event in events if event.session == missing.session and event.key_seq in wanted]
 
     def _wanted(self, key: str) -> bool:
         known = self._selected.get(key)
@@ -546,7 +441,7 @@ class Listener:
                     beats.append(msgspec.json.decode(answer.payload, type=Beat))
             if not beats:
                 # Who is closing just now answers no more, but its final beat is on its way through another queue.
-                if not self.wait_for_final(session, RECHECK_S):
+                if not self.wait_for_final(session, timeout_s):
                     silent.append(session)
             elif self._judge(beats[0], look=True):
                 self._closed.wait(RECHECK_S)
@@ -588,23 +483,3 @@ class Listener:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
-
-
-_METHODS: Final[dict[type[Item], str]] = {
-    MessageSent: "on_message_sent",
-    AlarmRaised: "on_alarm_raised",
-    AlarmCleared: "on_alarm_cleared",
-    AlarmConfirmed: "on_alarm_confirmed",
-    AlarmDisposed: "on_alarm_disposed",
-}
-
-
-def dispatch(observer: object, item: Item) -> None:
-    """Call the observer's method for one item, if it has one."""
-    method = getattr(observer, _METHODS.get(type(item), "on_notice"), None)
-    if method is None:
-        return
-    if isinstance(item, AlarmCleared | AlarmConfirmed):
-        method(item, not is_active(item))
-    else:
-        method(item)

@@ -1,0 +1,117 @@
+"""What comes out of a listener beside events, and how an observer is called.
+
+Rule 1: loss and faults are values that stand in the stream where they happened.
+Rule 2: nothing here does anything: who finds a gap is in repair.py and listener.py.
+"""
+
+from collections.abc import Sequence
+from typing import Final, TypeAlias
+
+import msgspec
+
+from bridge.core.alarms import Alarm
+from bridge.core.events import (
+    AlarmCleared,
+    AlarmConfirmed,
+    AlarmDisposed,
+    AlarmRaised,
+    AnyEvent,
+    MessageSent,
+    is_active,
+)
+from bridge.core.sequence import Missing
+from bridge.inbox import Dropped
+
+
+class Gap(msgspec.Struct, frozen=True):
+    """Events that were sent and are nowhere to be had: `missing.count` of them, here, and why not."""
+
+    missing: Missing
+    reason: str
+
+
+class Rejected(msgspec.Struct, frozen=True):
+    """A payload (whole) or one element of it that is no event: its key, its bytes and why."""
+
+    key: str
+    raw: bytes
+    reason: str
+    whole_payload: bool = False
+
+
+class TailUnknown(msgspec.Struct, frozen=True):
+    """A sender is gone without its final beat: what it sent last cannot be known."""
+
+    target: str
+    session: str
+
+
+class TwoLoggers(msgspec.Struct, frozen=True):
+    """Two loggers answer for a target now, as after a healed partition: its state stays as it was until one steps back."""
+
+    target: str
+    sessions: tuple[str, ...]
+
+
+class Heard(msgspec.Struct, frozen=True, gc=False):
+    """An event with the bytes it came in and when it came (Unix ns): what a recorder wants."""
+
+    event: AnyEvent
+    element: bytes
+    encoding: str
+    arrival_ns: int
+
+
+class Snapshot(msgspec.Struct, frozen=True):
+    """The alarms of a target that were raised and not disposed; events of `session` up to `seq` are folded in, perhaps more."""
+
+    target: str
+    session: str
+    seq: int
+    alarms: tuple[Alarm, ...]
+
+
+Notice: TypeAlias = Dropped | Gap | Rejected | TailUnknown | TwoLoggers
+Item: TypeAlias = AnyEvent | Heard | Notice
+
+
+class ListenerCounters(msgspec.Struct):
+    """What a listener saw. missing events were never to be had; repaired ones came late but in their place."""
+
+    payloads: int = 0
+    received: int = 0
+    passed: int = 0
+    duplicates: int = 0
+    repaired: int = 0
+    missing: int = 0
+    rejected_payloads: int = 0
+    rejected_events: int = 0
+    tails_unknown: int = 0
+
+
+class TwoLoggersError(RuntimeError):
+    """Two loggers answer for one target, where exactly one is right; names both sessions."""
+
+    def __init__(self, target: str, sessions: Sequence[str]) -> None:
+        self.target, self.sessions = target, tuple(sessions)
+        super().__init__(f"target {target!r} has {len(sessions)} loggers: {', '.join(sessions)}")
+
+
+_METHODS: Final[dict[type[Item], str]] = {
+    MessageSent: "on_message_sent",
+    AlarmRaised: "on_alarm_raised",
+    AlarmCleared: "on_alarm_cleared",
+    AlarmConfirmed: "on_alarm_confirmed",
+    AlarmDisposed: "on_alarm_disposed",
+}
+
+
+def dispatch(observer: object, item: Item) -> None:
+    """Call the observer's method for one item, if it has one."""
+    method = getattr(observer, _METHODS.get(type(item), "on_notice"), None)
+    if method is None:
+        return
+    if isinstance(item, AlarmCleared | AlarmConfirmed):
+        method(item, not is_active(item))
+    else:
+        method(item)

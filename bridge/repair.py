@@ -1,0 +1,84 @@
+"""What is asked when something is missing: the sender for its own events, the logger for its log, the loggers for their state.
+
+Rule 1: nobody's answer is trusted further than the question: only events of the asked session and range are taken.
+Rule 2: no answer and a broken answer are the same here: nothing was found. The listener reports what stays missing.
+"""
+
+import contextlib
+import time
+
+import msgspec
+
+from bridge.core import codec, keys
+from bridge.core.events import Limits
+from bridge.core.questions import LogPart, LogQuestion, StatePart
+from bridge.core.sequence import Missing
+from bridge.edges.bus import Bus
+from bridge.notices import Heard
+
+
+def elements_of(payload: bytes, encoding: str, decoded: codec.Decoded) -> dict[int, Heard]:
+    """Each event's own bytes, by the event's id(); the raw slices of rejected elements stand between them."""
+    encoding = encoding.partition(";")[0]
+    elements = codec.split(payload, encoding)
+    if decoded.rejected:
+        bad = [rejected.raw for rejected in decoded.rejected]
+        for raw in bad:
+            elements.remove(raw)
+    arrival_ns = time.time_ns()
+    return {
+        id(event): Heard(event, element, encoding, arrival_ns) for event, element in zip(decoded.events, elements, strict=True)
+    }
+
+
+def ask_sender(bus: Bus, realm: str, target: str, missing: Missing, limits: Limits) -> tuple[dict[int, Heard], int | None]:
+    """What the sender still holds of a gap, by key_seq, and the seq up to which it holds nothing; None without an answer."""
+    found: dict[int, Heard] = {}
+    evicted: int | None = None
+    key = keys.parse_event_key(missing.key)
+    question = keys.verb_key(realm, target, "@sent", missing.session)
+    for answer in bus.ask(question, msgspec.json.encode(missing), timeout_s=1.0):
+        if answer.error:
+            continue
+        with contextlib.suppress(codec.CodecError, ValueError):
+            evicted = int(answer.note)
+            decoded = codec.decode(answer.payload, answer.encoding, key, limits)
+            for heard in elements_of(answer.payload, answer.encoding, decoded).values():
+                event = heard.event
+                if event.session == missing.session and missing.first <= event.key_seq <= missing.last:
+                    found[event.key_seq] = heard
+    return found, evicted
+
+
+def ask_log(bus: Bus, realm: str, target: str, missing: Missing) -> list[Heard]:
+    """What the logger of the target keeps of a gap; its bytes are encoded anew."""
+    question = msgspec.json.encode(LogQuestion(missing=missing))
+    found: list[Heard] = []
+    wanted = range(missing.first, missing.last + 1)
+    for answer in bus.ask(keys.verb_key(realm, target, "@log"), question, timeout_s=2.0):
+        if not answer.error:
+            with contextlib.suppress(msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+                part = msgspec.json.decode(answer.payload, type=LogPart)
+                found.extend(
+                    Heard(stored.event, codec.encode(stored.event), codec.JSON, time.time_ns())
+                    for stored in part.events
+                    if stored.event.session == missing.session and stored.event.key_seq in wanted
+                )
+    return found
+
+
+def ask_state(bus: Bus, realm: str, target: str | None) -> tuple[dict[tuple[str, str], list[StatePart]], int]:
+    """The parts of each logger's state by (target, session), read-only ones left out, and how many could not be decoded."""
+    parts: dict[tuple[str, str], list[StatePart]] = {}
+    undecodable = 0
+    for answer in bus.ask(keys.verb_key(realm, target, "@state"), timeout_s=2.0):
+        if answer.error:
+            continue
+        try:
+            part = msgspec.json.decode(answer.payload, type=StatePart)
+        except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+            undecodable += 1
+            continue
+        if not part.read_only:
+            parts.setdefault((part.target, part.session), []).append(part)
+    return parts, undecodable
