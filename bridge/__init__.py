@@ -19,6 +19,7 @@ from bridge.core.hresult import AdsError
 from bridge.edges.bus import Bus, BusConfig, BusError, open_bus
 from bridge.inbox import Dropped
 from bridge.listener import Gap, Listener, Rejected, TailUnknown
+from bridge.logger import EventLogger, LoggerProxy
 from bridge.publisher import Publisher
 from bridge.recorder import Recorder
 
@@ -37,11 +38,13 @@ __all__ = [
     "BusError",
     "ConfirmationState",
     "Dropped",
+    "EventLogger",
     "EventReference",
     "FilterSyntaxError",
     "Gap",
     "LimitError",
     "Listener",
+    "LoggerProxy",
     "MessageSent",
     "Publisher",
     "Recorder",

@@ -392,6 +392,36 @@ class Bus:
             self._threads.append(thread)
         return Closable(self._keep(subscriber.undeclare))
 
+    def watch_connection(self, changed: Callable[[bool], None]) -> Closable:
+        """Call changed(False) when the last router is lost, changed(True) when one is back, on a thread of ours.
+
+        Among peers nothing is ever lost: whoever goes was one of them, not the bus.
+        """
+        events = self._session.info.declare_transport_events_listener(zenoh.handlers.FifoChannel(1024), history=True)
+        channel = events.handler
+        routers: set[str] = set()
+
+        def watch() -> None:
+            lost = False
+            while True:
+                try:
+                    event = channel.recv()
+                except zenoh.ZError:
+                    return
+                if event.transport.whatami != zenoh.WhatAmI.ROUTER:
+                    continue
+                there = event.kind == zenoh.SampleKind.PUT
+                (routers.add if there else routers.discard)(str(event.transport.zid))
+                if lost == bool(routers):
+                    lost = not lost
+                    changed(not lost)
+
+        thread = threading.Thread(target=watch, name="watch connection", daemon=True)
+        thread.start()
+        with self._lock:
+            self._threads.append(thread)
+        return Closable(self._keep(events.undeclare))
+
     def close(self, timeout_s: float = 2.0) -> bool:
         """Take everything back and close the session; False when a thread of ours did not end in time."""
         with self._lock:
@@ -421,13 +451,21 @@ def open_bus(config: BusConfig = LOCAL, *, timeout_s: float = 10.0) -> Bus:
     """Open a session. With `connect` it waits, in short steps, for a link; BusError after timeout_s, naming the endpoint."""
     if config.config is not None and not Path(config.config).is_file():
         raise BusError(f"no such configuration file: {config.config}")
-    try:
-        session = zenoh.open(_zenoh_config(config))
-    except zenoh.ZError as error:
-        raise BusError(f"cannot open the bus: {error}") from None
-    bus = Bus(session, DISCOVERY_S if config.scouting or config.connect or config.config is not None else 0.0)
+    deadline = time.monotonic() + timeout_s
+    made = _zenoh_config(config)
+    while True:
+        try:
+            session = zenoh.open(made)
+            break
+        except zenoh.ZError as error:
+            # A client without a router does not open at all, and a longer wait inside would not hear Ctrl-C.
+            if not config.connect:
+                raise BusError(f"cannot open the bus: {error}") from None
+            if time.monotonic() > deadline:
+                raise BusError(f"nobody answers at {', '.join(config.connect)}: {error}") from None
+        time.sleep(0.05)
+    bus = Bus(session)
     if config.connect:
-        deadline = time.monotonic() + timeout_s
         while not bus.peers():
             if time.monotonic() > deadline:
                 bus.close()

@@ -15,6 +15,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
+import msgspec
+
 from bridge.core.alarms import Alarm, AlarmCommand, AlarmKey, Clear, Confirm, Create, Dispose, Raise
 from bridge.core.arguments import Argument, Value, guid
 from bridge.core.events import MessageSent, Severity, Source
@@ -29,6 +31,14 @@ from bridge.publisher import default_source
 def this_client() -> str:
     """Where commands of this process come from: host:program."""
     return f"{socket.gethostname()}:{Path(sys.argv[0]).name or 'python'}"[:255]
+
+
+class Created(msgspec.Struct, frozen=True, kw_only=True):
+    """The answer to create_alarm: the alarm, whether it is new, and the HRESULT (0, or ERROR_ALREADY_EXISTS)."""
+
+    alarm: Alarm
+    created: bool
+    result: int
 
 
 class Commands(ABC):
@@ -93,14 +103,14 @@ class Commands(ABC):
         vendor_id: int | None = None,
         product_code: int | None = None,
         revision_no: int | None = None,
-    ) -> CommandAnswer:
+    ) -> Created:
         """Create an alarm; it is not raised and nobody is told. When it exists: created False, and `alarm` as it is.
 
         AdsError ADS_E_INVALIDSIZE over a limit; ValueError for a class that is no GUID.
         """
         if source is None:
             source = default_source(self._object_id, depth=2)
-        return self.do(
+        answer = self.do(
             Create(
                 key=AlarmKey(self.target, guid(event_class), event_id, source.id, source.name, source.guid),
                 severity=Severity(severity),
@@ -113,6 +123,9 @@ class Commands(ABC):
                 client=self._client,
             )
         )
+        if answer.alarm is None:
+            raise TypeError(f"the answer {answer.id} to a create carries no alarm")
+        return Created(alarm=answer.alarm, created=answer.created, result=answer.result)
 
     def raise_alarm(
         self,
