@@ -48,7 +48,7 @@ def serve(
             cache=":memory:" if cache is None else cache,
             encoding=settings.wire_encoding,
             durable=durable,
-            resolve_class=known.guids,
+            catalog=known,
             on_read_only=lambda reason: note(f"read-only: {reason}"),
         )
         unsent = 0

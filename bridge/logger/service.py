@@ -26,6 +26,7 @@ import msgspec
 from bridge.core import codec, keys
 from bridge.core.alarms import Alarm, AlarmKey
 from bridge.core.arguments import Argument, Value
+from bridge.core.catalog import Catalog
 from bridge.core.events import DEFAULT_LIMITS, Event, Limits, MessageSent, Severity, Source
 from bridge.core.filters.ast import UnknownClassError
 from bridge.core.filters.text import FilterSyntaxError
@@ -48,6 +49,7 @@ from bridge.logger.book import Book
 from bridge.logger.commands import Commands
 from bridge.logger.presence import loggers, session_of, token_key
 from bridge.publisher import Publisher, PublisherClosedError, QueueFullError, default_source
+from bridge.texts import ClassOffer
 
 log: Final = logging.getLogger(__name__)
 
@@ -116,15 +118,22 @@ class EventLogger(Commands):
         durable: bool = False,
         client: str | None = None,
         resolve_class: Callable[[str], Sequence[str]] | None = None,
+        catalog: Catalog | None = None,
         on_read_only: Callable[[str], None] | None = None,
     ) -> None:
         """Open the logger, on a bus of its own when none is given; config says how to open that.
 
+        catalog are the event classes it offers to whoever asks (@classes), and, unless resolve_class says otherwise, those
+        that filters may name.
+
         TargetTakenError when there is a logger of this target; CacheError when the cache cannot be opened. durable makes
         commands wait for the disk itself. on_read_only is called with a reason when this logger steps back for an older one.
         """
+        if resolve_class is None and catalog is not None:
+            resolve_class = catalog.guids
         super().__init__(target, object_id=object_id, client=client, resolve_class=resolve_class)
         self.realm = realm
+        self.catalog = catalog if catalog is not None else Catalog()
         self.counters = LoggerCounters()
         self.read_only = ""
         """Why commands are refused: an older logger is there. "" while this logger is the one."""
@@ -156,6 +165,7 @@ class EventLogger(Commands):
             self._follower = threading.Thread(target=self._follow, name=f"log {target}", daemon=True)
             self._follower.start()
             self._answers = self._open_answers()
+            self._offer = ClassOffer(self.bus, target, self.catalog, realm=realm, session=self.session)
             self._watch = self.bus.watch_alive(token_key(target, realm), self._logger_seen)
             self._own_bus = self.bus if bus is None else None
             opened.pop_all()
@@ -367,6 +377,7 @@ class EventLogger(Commands):
         self._follower.join(left())
         unsent = self.publisher.close(left()) + undisposed
         self._watch.close()
+        self._offer.close()
         self._answers["@log"].close()
         self._answers["@state"].close()
         self.book.close(max(0.5, left()))
