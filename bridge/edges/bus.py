@@ -64,6 +64,11 @@ _TIMING: Final = {
 }
 
 
+def _reason(error: zenoh.ZError) -> str:
+    """What Zenoh says, without the place in its own source."""
+    return str(error).partition(" at /")[0]
+
+
 def _settings(config: BusConfig) -> dict[str, object]:
     listen: Sequence[str] = config.listen
     if not listen:
@@ -95,7 +100,7 @@ def _zenoh_config(config: BusConfig) -> zenoh.Config:
         for name, value in settings.items():
             made.insert_json5(name, msgspec.json.encode(value).decode())
     except zenoh.ZError as error:
-        raise BusError(f"bus settings refused: {error}") from None
+        raise BusError(f"bus settings refused: {_reason(error)}") from None
     return made
 
 
@@ -155,7 +160,7 @@ class Sender:
         try:
             self._publisher.put(payload)
         except zenoh.ZError as error:
-            raise BusError(f"cannot put on {self.key!r}: {error}") from None
+            raise BusError(f"cannot put on {self.key!r}: {_reason(error)}") from None
 
     def is_matched(self) -> bool:
         """Whether anybody is subscribed to the key now."""
@@ -242,6 +247,10 @@ class Bus:
         """Addresses this session is linked from, for messages to people."""
         return sorted({str(link.src) for link in self._session.info.links()})
 
+    def links(self) -> dict[str, str]:
+        """The address each linked session is reached at, by its id."""
+        return {str(link.zid): str(link.dst) for link in self._session.info.links()}
+
     def peers(self) -> int:
         """How many other sessions this one is linked to now."""
         return len(list(self._session.info.peers_zid())) + len(list(self._session.info.routers_zid()))
@@ -274,7 +283,7 @@ class Bus:
                 express=False,
             )
         except zenoh.ZError as error:
-            raise BusError(f"cannot publish on {key!r}: {error}") from None
+            raise BusError(f"cannot publish on {key!r}: {_reason(error)}") from None
         return Sender(publisher, key)
 
     def put(self, key: str, payload: bytes, encoding: str = "application/json") -> None:
@@ -286,7 +295,7 @@ class Bus:
         try:
             subscriber = self._session.declare_subscriber(expression, zenoh.handlers.FifoChannel(capacity))
         except zenoh.ZError as error:
-            raise BusError(f"cannot subscribe to {expression!r}: {error}") from None
+            raise BusError(f"cannot subscribe to {expression!r}: {_reason(error)}") from None
         receiver = Receiver(subscriber)
         receiver.close = self._keep(receiver.close)  # type: ignore[method-assign]
         return receiver
@@ -312,7 +321,7 @@ class Bus:
                 timeout=timeout_s,
             )
         except zenoh.ZError as error:
-            raise BusError(f"cannot ask {key!r}: {error}") from None
+            raise BusError(f"cannot ask {key!r}: {_reason(error)}") from None
         for reply in replies:
             who = str(reply.replier_id.zid) if reply.replier_id is not None else ""
             if (sample := reply.ok) is not None:
@@ -326,7 +335,7 @@ class Bus:
         try:
             queryable = self._session.declare_queryable(key, zenoh.handlers.FifoChannel(1024), complete=True)
         except zenoh.ZError as error:
-            raise BusError(f"cannot answer on {key!r}: {error}") from None
+            raise BusError(f"cannot answer on {key!r}: {_reason(error)}") from None
         channel = queryable.handler
 
         def serve() -> None:
@@ -460,9 +469,10 @@ def open_bus(config: BusConfig = LOCAL, *, timeout_s: float = 10.0) -> Bus:
         except zenoh.ZError as error:
             # A client without a router does not open at all, and a longer wait inside would not hear Ctrl-C.
             if not config.connect:
-                raise BusError(f"cannot open the bus: {error}") from None
+                where = f" on {', '.join(config.listen)}" if config.listen else ""
+                raise BusError(f"cannot open the bus{where}: {_reason(error)}") from None
             if time.monotonic() > deadline:
-                raise BusError(f"nobody answers at {', '.join(config.connect)}: {error}") from None
+                raise BusError(f"nobody answers at {', '.join(config.connect)}") from None
         time.sleep(0.05)
     bus = Bus(session)
     if config.connect:

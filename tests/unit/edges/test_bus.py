@@ -1,0 +1,118 @@
+"""The bus: what is open by default, what every question gets, and what closing does."""
+
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from bridge.edges.bus import ALONE, BusConfig, BusError, Question, Refusal, Reply, open_bus
+
+
+def test_by_default_only_this_machine_is_reached(bus_config: BusConfig) -> None:
+    """Two programs find each other over loopback, and every link is between loopback addresses."""
+    with open_bus(bus_config) as one, open_bus(bus_config) as other:
+        receiver = other.receiver("t/**")
+        sender = one.sender("t/x", "application/json")
+        appeared = threading.Event()
+        sender.on_matched(appeared.set)
+        assert sender.is_matched() or appeared.wait(20)
+        sender.put(b"1")
+        assert [arrival.payload for arrival in receiver.receive()] == [b"1"]
+        assert all("/127.0.0.1:" in endpoint for endpoint in one.endpoints() + other.endpoints())
+
+
+def test_every_question_gets_an_answer_or_a_refusal() -> None:
+    """Parts in order with their notes; a handler that raises or says nothing becomes a refusal; nobody there is no answer."""
+
+    def fail(_question: Question) -> Iterator[Reply | Refusal]:
+        raise ZeroDivisionError("by design")
+
+    with open_bus(ALONE) as bus:
+        bus.answer("q/parts", lambda question: [Reply(question.payload, note=b"n"), Refusal("no more")])
+        bus.answer("q/fails", fail)
+        bus.answer("q/silent", lambda _question: [])
+        first, second = bus.ask("q/parts", b"hello")
+        assert (first.payload, first.note, first.error) == (b"hello", b"n", False)
+        assert (second.payload, second.error) == (b"no more", True)
+        assert [(answer.payload, answer.error) for answer in bus.ask("q/fails")] == [(b"ZeroDivisionError: by design", True)]
+        assert [answer.error for answer in bus.ask("q/silent")] == [True]
+        assert bus.ask("q/nobody") == []
+
+
+def test_who_is_alive_comes_and_goes() -> None:
+    """A token is seen by who asks and by who watches, until it is closed."""
+    news: list[tuple[str, bool]] = []
+    gone = threading.Event()
+
+    def changed(key: str, there: bool) -> None:
+        news.append((key, there))
+        if not there:
+            gone.set()
+
+    with open_bus(ALONE) as bus:
+        token = bus.alive("l/1")
+        bus.watch_alive("l/*", changed)
+        assert bus.who_is_alive("l/*") == {"l/1"}
+        token.close()
+        assert gone.wait(20)
+        assert bus.who_is_alive("l/*") == set()
+    assert news == [("l/1", True), ("l/1", False)]
+
+
+def test_closing_wakes_who_waits_and_may_be_repeated() -> None:
+    """A thread in receive() gets an empty list; nothing raises the second time."""
+    bus = open_bus(ALONE)
+    receiver = bus.receiver("t/**")
+    got: list[object] = []
+    thread = threading.Thread(target=lambda: got.append(receiver.receive()))
+    thread.start()
+    assert bus.close()
+    thread.join(20)
+    assert got == [[]]
+    assert bus.close()
+    receiver.close()
+
+
+@pytest.mark.parametrize(
+    ("config", "named"),
+    [
+        (BusConfig(connect=("tcp/127.0.0.1:1",)), "nobody answers at tcp/127.0.0.1:1"),
+        (BusConfig(connect=("nonsense",)), "nonsense"),
+        (BusConfig(listen=("tcp/256.0.0.1:x",)), "256.0.0.1"),
+        (BusConfig(config="/nowhere/zenoh.json5"), "/nowhere/zenoh.json5"),
+        (BusConfig(mode="boss"), "boss"),
+    ],
+)
+def test_what_cannot_be_opened_says_why(config: BusConfig, named: str) -> None:
+    """The error names the setting at fault and no place in somebody else's source."""
+    with pytest.raises(BusError) as error:
+        open_bus(config, timeout_s=0.3)
+    assert named in str(error.value)
+    assert ".rs" not in str(error.value)
+
+
+def test_who_listens_on_an_endpoint_routes_for_those_who_connect(bus_config: BusConfig) -> None:
+    """Two clients of one endpoint hear each other; scouting is not needed."""
+    with open_bus(BusConfig(listen=("tcp/127.0.0.1:0",), scouting_group=bus_config.scouting_group)) as middle:
+        port = _listening_port(middle.id, bus_config)
+        ends = BusConfig(connect=(f"tcp/127.0.0.1:{port}",), scouting=False)
+        with open_bus(ends) as one, open_bus(ends) as other:
+            receiver = other.receiver("t/**")
+            sender = one.sender("t/x", "application/json")
+            appeared = threading.Event()
+            sender.on_matched(appeared.set)
+            assert sender.is_matched() or appeared.wait(20)
+            sender.put(b"1")
+            assert [arrival.payload for arrival in receiver.receive()] == [b"1"]
+
+
+def _listening_port(middle: str, config: BusConfig) -> str:
+    """The port the router drew, as a peer that scouts finds it."""
+    with open_bus(config) as peer:
+        found = threading.Event()
+        for _ in range(2000):
+            links = peer.links()
+            if middle in links:
+                return links[middle].rpartition(":")[2]
+            found.wait(0.01)
+    raise AssertionError("the router was not found")
