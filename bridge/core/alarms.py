@@ -48,6 +48,7 @@ class Alarm(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """The state of one alarm. Its attributes are spelled as an event's, so that one filter serves both.
 
     time_ns is the time of the last transition; session and seq are those of the last event folded in ("" and 0: none yet).
+    suspect: its logger was killed since, and its source has not spoken again.
     """
 
     target: str
@@ -73,6 +74,7 @@ class Alarm(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     operator: str = ""
     client: str = ""
     comment: str = ""
+    suspect: bool = False
 
     kind: ClassVar[str] = "alarm_state"
     is_alarm: ClassVar[bool] = True
@@ -297,7 +299,10 @@ def alarm_key(event: Event) -> AlarmKey:
 
 
 def step(alarm: Alarm | None, event: AlarmEvent) -> Alarm | None:
-    """The alarm after the event; None when it is disposed. An event already folded in changes nothing."""
+    """The alarm after the event; None when it is disposed. An event already folded in changes nothing.
+
+    A transition means that the source is there again, except a confirmation, which comes from an operator.
+    """
     if alarm is not None and event.seq and event.session == alarm.session and event.seq <= alarm.seq:
         return alarm
     if isinstance(event, AlarmDisposed):
@@ -326,6 +331,7 @@ def step(alarm: Alarm | None, event: AlarmEvent) -> Alarm | None:
         operator=event.operator,
         client=event.client,
         comment=event.comment,
+        suspect=alarm is not None and alarm.suspect and isinstance(event, AlarmConfirmed),
     )
 
 
@@ -385,6 +391,22 @@ class AlarmTable:
     def put(self, alarm: Alarm) -> None:
         """Set one alarm as it is (a created one, which no event announces)."""
         self.alarms[alarm.key] = alarm
+
+    def suspect(self, target: str | None = None) -> bool:
+        """Mark the raised alarms of a target (None: of every target) suspect; whether any was not yet."""
+        marked = {
+            key: msgspec.structs.replace(alarm, suspect=True)
+            for key, alarm in self.alarms.items()
+            if target in (None, key.target) and alarm.raised and not alarm.suspect
+        }
+        self.alarms.update(marked)
+        return bool(marked)
+
+    def trust(self, key: AlarmKey) -> None:
+        """Its source has spoken: not suspect any more."""
+        alarm = self.alarms.get(key)
+        if alarm is not None and alarm.suspect:
+            self.alarms[key] = msgspec.structs.replace(alarm, suspect=False)
 
     def active(self) -> list[Alarm]:
         """Alarms that are raised or wait for confirmation, latest transition last."""

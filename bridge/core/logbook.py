@@ -1,7 +1,7 @@
 """The logger without I/O: what it stores, what it answers, what becomes of its alarms.
 
-Rule 1: decide() changes nothing. What it allows is numbered by the publisher first and only then folded in by sent(): so a
-command that cannot be sent has not happened.
+Rule 1: decide() changes no alarm, but takes the mark off a suspect one whose source speaks. What it allows is numbered by
+the publisher first and only then folded in by sent(): so a command that cannot be sent has not happened.
 Rule 2: a command is carried out once per id. The last ANSWERS_KEPT answers are kept; an older id is judged by the alarm's
 state alone. The id of one command used for another is refused.
 Rule 3: alarm transitions come from this logger only. arrived() takes messages of others and refuses their transitions;
@@ -16,7 +16,7 @@ from typing import Final, TypeAlias
 
 import msgspec
 
-from bridge.core.alarms import Alarm, AlarmKey, AlarmTable, Create, Dispose, alarm_key, created, decide
+from bridge.core.alarms import Alarm, AlarmKey, AlarmTable, Clear, Create, Dispose, Raise, alarm_key, created, decide
 from bridge.core.arguments import guid
 from bridge.core.events import (
     DEFAULT_LIMITS,
@@ -141,6 +141,8 @@ class Logbook:
             return self._answer(question, fault.code, None, fault.detail)
         if not command.time_ns:
             command = msgspec.structs.replace(command, time_ns=now_ns)
+        if isinstance(command, Create | Raise | Clear):
+            self.table.trust(command.key)
         alarm = self.table.alarms.get(command.key)
         try:
             events = decide(alarm, command)

@@ -6,7 +6,9 @@ Rule 2: under the book's lock a command is decided, numbered by the publisher, f
 of @state fits its alarms exactly. If the publisher's queue takes no transition, nothing has happened.
 Rule 3: a command is answered when it is committed in the cache: it survives kill -9 (durable=True: a power cut too).
 Rule 4: messages of other publishers under the target are stored; their alarm transitions are rejected and counted.
-Rule 5: closing disposes of raised alarms, says the last word, then closes the cache, and never hangs.
+Rule 5: a clean stop leaves no alarm raised. So what is raised when a logger opens was left by one that was killed: it is
+suspect until its source speaks again.
+Rule 6: closing disposes of raised alarms, says the last word, then closes the cache, and never hangs.
 
 A session id of a logger starts with its start time in microseconds, so that the older of two is the smaller one.
 """
@@ -26,7 +28,6 @@ import msgspec
 from bridge.core import codec, keys
 from bridge.core.alarms import Alarm, AlarmKey
 from bridge.core.arguments import Argument, Value
-from bridge.core.catalog import Catalog
 from bridge.core.events import DEFAULT_LIMITS, Event, Limits, MessageSent, Severity, Source
 from bridge.core.filters.ast import UnknownClassError
 from bridge.core.filters.text import FilterSyntaxError
@@ -49,7 +50,6 @@ from bridge.logger.book import Book
 from bridge.logger.commands import Commands
 from bridge.logger.presence import loggers, session_of, token_key
 from bridge.publisher import Publisher, PublisherClosedError, QueueFullError, default_source
-from bridge.texts import ClassOffer
 
 log: Final = logging.getLogger(__name__)
 
@@ -118,22 +118,15 @@ class EventLogger(Commands):
         durable: bool = False,
         client: str | None = None,
         resolve_class: Callable[[str], Sequence[str]] | None = None,
-        catalog: Catalog | None = None,
         on_read_only: Callable[[str], None] | None = None,
     ) -> None:
         """Open the logger, on a bus of its own when none is given; config says how to open that.
 
-        catalog are the event classes it offers to whoever asks (@classes), and, unless resolve_class says otherwise, those
-        that filters may name.
-
         TargetTakenError when there is a logger of this target; CacheError when the cache cannot be opened. durable makes
         commands wait for the disk itself. on_read_only is called with a reason when this logger steps back for an older one.
         """
-        if resolve_class is None and catalog is not None:
-            resolve_class = catalog.guids
         super().__init__(target, object_id=object_id, client=client, resolve_class=resolve_class)
         self.realm = realm
-        self.catalog = catalog if catalog is not None else Catalog()
         self.counters = LoggerCounters()
         self.read_only = ""
         """Why commands are refused: an older logger is there. "" while this logger is the one."""
@@ -146,6 +139,8 @@ class EventLogger(Commands):
             self.session = f"{time.time_ns() // 1000:013x}"[-13:] + os.urandom(2).hex()[:3]
             self.book = Book(target, cache, session=self.session, limits=limits, resolve_class=resolve_class)
             opened.callback(self.book.close)
+            if self.book.logbook.table.suspect(target):
+                log.warning("%s: its logger was not stopped; alarms that were raised then are suspect now", target)
             self.publisher = opened.enter_context(
                 Publisher(
                     self.bus,
@@ -165,7 +160,6 @@ class EventLogger(Commands):
             self._follower = threading.Thread(target=self._follow, name=f"log {target}", daemon=True)
             self._follower.start()
             self._answers = self._open_answers()
-            self._offer = ClassOffer(self.bus, target, self.catalog, realm=realm, session=self.session)
             self._watch = self.bus.watch_alive(token_key(target, realm), self._logger_seen)
             self._own_bus = self.bus if bus is None else None
             opened.pop_all()
@@ -377,7 +371,6 @@ class EventLogger(Commands):
         self._follower.join(left())
         unsent = self.publisher.close(left()) + undisposed
         self._watch.close()
-        self._offer.close()
         self._answers["@log"].close()
         self._answers["@state"].close()
         self.book.close(max(0.5, left()))

@@ -516,7 +516,7 @@ def test_an_alarm_keeps_every_field_of_its_last_event() -> None:
     state = step(None, event)
     assert state is not None
     shared = set(Alarm.__struct_fields__) & set(AlarmRaised.__struct_fields__)
-    assert shared == set(Alarm.__struct_fields__)
+    assert shared == set(Alarm.__struct_fields__) - {"suspect"}
     assert {name: getattr(state, name) for name in shared} == {name: getattr(event, name) for name in shared}
     assert (state.kind, state.is_alarm) == ("alarm_state", True)
 
@@ -748,3 +748,24 @@ def test_the_module_names_its_phases() -> None:
         "raised, waiting for confirmation",
         "cleared, waiting for confirmation",
     ]
+
+
+def test_a_suspect_alarm_is_trusted_when_its_source_speaks() -> None:
+    """Only raised alarms become suspect, of the target alone; a confirmation by an operator proves nothing, a clear does."""
+    table = AlarmTable()
+    for target, number in (("plc1", 1), ("plc1", 2), ("plc2", 3)):
+        table.apply(alarm_raised(target=target, event_id=number, seq=number))
+    table.apply(alarm_cleared(target="plc1", event_id=2, seq=4))
+    before = table.state()
+    assert table.suspect("plc1")
+    assert not table.suspect("plc1")
+    assert table.state() == before
+    assert [alarm.event_id for alarm in table.alarms.values() if alarm.suspect] == [1]
+    table.apply(alarm_confirmed(target="plc1", event_id=1, seq=5, raised=True))
+    assert [alarm.event_id for alarm in table.alarms.values() if alarm.suspect] == [1]
+    table.apply(alarm_cleared(target="plc1", event_id=1, seq=6))
+    assert not any(alarm.suspect for alarm in table.alarms.values())
+    assert table.suspect()
+    for key in table.alarms:
+        table.trust(key)
+    assert not any(alarm.suspect for alarm in table.alarms.values())
