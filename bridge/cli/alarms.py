@@ -33,7 +33,8 @@ def alarms(
     """Show the alarms of a logger as they are.
 
     Active ones: raised, or waiting for confirmation. Without --target those of
-    every logger that answers. Exit code 4: none does.
+    every logger that answers. Exit code 4: none does. Texts are in --lang: from
+    --classes, else from whoever offers the class.
 
     Try:
         tcbridge alarms --classes examples/plant.tmc --lang de
@@ -41,12 +42,13 @@ def alarms(
     """
     from bridge.listener import Listener
     from bridge.logger import NoLoggerError
+    from bridge.texts import Texts
 
     settings = common.load()
     known = catalog(settings)
     expr = parse_filter(filter, known)
-    view = View(known, settings.lang)
-    with open_bus(settings) as bus:
+    with open_bus(settings) as bus, Texts(bus, realm=settings.realm, catalog=known) as texts:
+        view = View(known, settings.lang, texts)
         if not _logger_there(bus, settings, wait):
             raise NoLoggerError(settings.target or "any target", f"in realm {settings.realm}")
         with Listener(bus, realm=settings.realm, target=settings.target or None, with_state=True) as listener:

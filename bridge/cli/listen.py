@@ -27,6 +27,8 @@ def listen(
     fewer than --count came). What is missing is said in place: gap, dropped,
     rejected, tail unknown. The exit code is then 3.
 
+    Texts are in --lang: from --classes, else from whoever offers the class.
+
     Try:
         tcbridge listen --filter "severity >= error and source.name like '%X1%'"
         tcbridge listen --target plc1 --count 1 --timeout 10 --json
@@ -34,17 +36,19 @@ def listen(
     from bridge.core.events import Event
     from bridge.core.filters.text import to_text
     from bridge.listener import Listener
+    from bridge.texts import Texts
 
     settings = common.load()
     known = catalog(settings)
     expr = parse_filter(filter, known)
-    view = View(known, settings.lang)
     ends_s = None if timeout is None else time.monotonic() + timeout
     events = notices = 0
     with (
         open_bus(settings) as bus,
+        Texts(bus, realm=settings.realm, catalog=known) as texts,
         Listener(bus, expr, realm=settings.realm, target=settings.target or None, with_state=with_state) as listener,
     ):
+        view = View(known, settings.lang, texts)
         try:
             note(f"listening in realm {settings.realm} for {to_text(listener.filter) or 'everything'}")
             if with_state and common.json:

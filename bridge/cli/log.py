@@ -11,6 +11,7 @@ from bridge.cli.show import View, print_json
 from bridge.config import Settings
 
 if TYPE_CHECKING:
+    from bridge.core.catalog import Catalog
     from bridge.core.questions import LogQuestion, Stored
 
 LOG = Group("Log", sort_key=10)
@@ -27,8 +28,8 @@ def log(
 ) -> int:
     """Show stored events of a logger, newest first.
 
-    Texts are in --lang, from the classes of --classes. Exit code 4: no logger
-    of the target answers.
+    Texts are in --lang: from --classes, else from whoever offers the class.
+    Exit code 4: no logger of the target answers.
 
     Try:
         tcbridge log --classes examples/plant.tmc --lang de --limit 20
@@ -43,7 +44,10 @@ def log(
         raise Usage("--limit and --offset are not negative")
     expr = parse_filter(filter, known)
     question = LogQuestion(filter=to_text(expr), limit=limit, offset=offset)
-    found = _from_bus(settings, question, wait) if cache is None else _from_file(cache, question)
+    if cache is None:
+        found, known = _from_bus(settings, question, wait, known)
+    else:
+        found = _from_file(cache, question)
     view = View(known, settings.lang)
     if common.json:
         for entry in found:
@@ -55,11 +59,14 @@ def log(
     return Exit.OK
 
 
-def _from_bus(settings: Settings, question: "LogQuestion", wait_s: float) -> "list[Stored]":
+def _from_bus(settings: Settings, question: "LogQuestion", wait_s: float, known: "Catalog") -> "tuple[list[Stored], Catalog]":
+    """What is stored, and the event classes of it."""
     from bridge.cli.command import connected
+    from bridge.texts import Texts
 
-    with connected(settings, wait_s) as proxy:
-        return list(proxy.log(question))
+    with connected(settings, wait_s) as proxy, Texts(proxy.bus, realm=settings.realm, catalog=known) as texts:
+        found = list(proxy.log(question))
+        return found, texts.catalog_for(entry.event for entry in found)
 
 
 def _from_file(cache: Path, question: "LogQuestion") -> "list[Stored]":

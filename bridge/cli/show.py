@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from bridge.core.catalog import Catalog
     from bridge.core.questions import Stored
     from bridge.listener import Item
+    from bridge.texts import Texts
 
 STYLES: Final = {
     Severity.VERBOSE: "dim",
@@ -135,33 +136,38 @@ def source_text(source: "Event | Alarm") -> str:
 
 
 class View(NamedTuple):
-    """Event classes and the language in which texts are shown."""
+    """Event classes and the language in which texts are shown; `texts` asks the bus for classes of no file."""
 
     catalog: "Catalog"
     lang: str
+    texts: "Texts | None" = None
+
+    def classes(self, items: "Iterable[Event | Alarm]") -> "Catalog":
+        """The event classes that these items need, as far as somebody knows them."""
+        return self.catalog if self.texts is None else self.texts.catalog_for(items)
 
     def spans(self, event: AnyEvent) -> list[Span]:
         """One event as one readable line: time, target, severity, what happened, class, id, text, source."""
         style = STYLES[event.severity]
         source = source_text(event)
+        known = self.classes((event,))
+        head = f"{known.class_name(event.event_class, self.lang)} {event.event_id}: "
         return [
             (f"{time_text(event.time_ns, 3) or '-':24}  ", "dim"),
             (f"{clean(event.target):8}  ", "cyan"),
             (f"{event.severity.name.lower():8}", style),
             (f"  {KIND_WORDS[event.kind]:9}  ", "bold" if event.is_alarm else ""),
-            (f"{clean(self._class_and_id(event))}: " if event.event_class in self.catalog else "", ""),
-            (clean(self.catalog.event_text(event, self.lang)), style),
+            (clean(head) if event.event_class in known else "", ""),
+            (clean(known.event_text(event, self.lang)), style),
             (f"  [{clean(source)}]" if source else "", "dim"),
         ]
-
-    def _class_and_id(self, event: AnyEvent) -> str:
-        return f"{self.catalog.class_name(event.event_class, self.lang)} {event.event_id}"
 
     def record(self, item: AnyEvent | Alarm) -> dict[str, object]:
         """An event or alarm for programs."""
         found: dict[str, object] = msgspec.to_builtins(item)
-        found["class_name"] = self.catalog.class_name(item.event_class, self.lang)
-        found["text"] = self.catalog.event_text(item, self.lang)
+        known = self.classes((item,))
+        found["class_name"] = known.class_name(item.event_class, self.lang)
+        found["text"] = known.event_text(item, self.lang)
         return found
 
     def alarm_record(self, alarm: Alarm) -> dict[str, object]:
@@ -181,15 +187,16 @@ class View(NamedTuple):
     def print_alarms(self, alarms: Sequence[Alarm], *, title: str = "") -> None:
         """Alarms as a table."""
         day = _shared_day(time for alarm in alarms for time in _times(alarm))
+        known = self.classes(alarms)
         headers = ("Severity", "State", "Confirmation", "Class", "Id", "Text", "Source", "Raised", "Cleared", "Confirmed")
         rows: list[list[Cell]] = [
             [
                 severity_span(alarm.severity),
                 "raised" if alarm.raised else "cleared" if alarm.was_raised else "created",
                 CONFIRMATION_WORDS[alarm.confirmation_state],
-                self.catalog.class_name(alarm.event_class, self.lang),
+                known.class_name(alarm.event_class, self.lang),
                 str(alarm.event_id),
-                (clean(self.catalog.event_text(alarm, self.lang)), STYLES[alarm.severity]),
+                (clean(known.event_text(alarm, self.lang)), STYLES[alarm.severity]),
                 source_text(alarm),
                 *(_time(time, day) for time in _times(alarm)),
             ]
@@ -202,6 +209,7 @@ class View(NamedTuple):
         wide = not on_terminal() or shutil.get_terminal_size().columns >= WIDE
         day = _shared_day(time for entry in entries for time in (entry.event.time_ns, *_times(entry.event)))
         headers = ["Time", "Severity", "Event", "Class", "Id", "Unique id", "Text", "Source"]
+        known = self.classes(entry.event for entry in entries)
         rows: list[list[Cell]] = []
         for entry in entries:
             event = entry.event
@@ -209,10 +217,10 @@ class View(NamedTuple):
                 _time(event.time_ns, day),
                 severity_span(event.severity),
                 KIND_WORDS[event.kind],
-                self.catalog.class_name(event.event_class, self.lang),
+                known.class_name(event.event_class, self.lang),
                 str(event.event_id),
                 str(entry.unique_id),
-                (clean(self.catalog.event_text(event, self.lang)), STYLES[event.severity]),
+                (clean(known.event_text(event, self.lang)), STYLES[event.severity]),
                 source_text(event),
             ]
             rows.append([*row, *(_time(time, day) for time in _times(event))] if wide else row)
