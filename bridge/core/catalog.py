@@ -7,27 +7,14 @@ Rule 3: a namespace is part of the name: class X in namespace opt is "opt.X".
 Which text: asked language, else 1033 (English), else the display text itself, which is also the key of its translations
 (facts 2.3); a class or event without a display text shows its Name.
 
-What stands for what (manual 5.7; what it leaves open is decided here):
-  {0} {1} ...        the argument; an argument that is missing leaves the placeholder as it is written
-  {0,d} {0,x}        an integer in decimal or hexadecimal, the latter without prefix, negative ones in two's complement of
-                     their type, so INT16 -1 is ffff
-  {0,e} {0,f}        an integer or floating-point number with six decimals, as C's printf writes it; {0,X}, {0,E}: capitals
-  a format that is unknown or does not fit the argument: the argument as without a format
-  {eventID}          the event's id; takes a format. {eventclass}: the GUID. Both in any case
-  other braces       stay as they are; there is no escape
+What stands for what: the placeholders of a text, their formats and bare arguments as in bridge/core/placeholders.py, and
   surplus arguments  those that no placeholder names follow in parentheses, separated by ", ", unless the class hides them
-  without a format   integers decimal; FLOAT and DOUBLE the shortest text that is exact, 42 for 42.0; an event reference the
-                     text of that event, whose own placeholders get no arguments; an external timestamp ISO 8601 in UTC;
-                     a blob its size, "<12 bytes>"; everything else, and what does not fit its type, its text
+  event reference    the text of that event, whose own placeholders get no arguments
   unknown event      "TestFilterClass#7 (a, b)", of an unknown class "54cc5482-ad79-4cdc-8c3e-b3983b36ed66#7 (a, b)"
 """
 
 import difflib
-import math
-import re
-import struct
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache
 from locale import windows_locale
 from typing import Final, Protocol, TypeAlias
 
@@ -35,7 +22,7 @@ import msgspec
 
 from bridge.core.arguments import Argument, ArgumentType, EventReference, guid
 from bridge.core.events import Severity
-from bridge.core.times import TimeError, from_filetime, time_text
+from bridge.core.placeholders import argument_text, template
 
 ENGLISH: Final = 1033
 Language: TypeAlias = int | str
@@ -44,21 +31,44 @@ Translations: TypeAlias = Mapping[str, Mapping[int, str]]
 """Display text to LCID to translated text."""
 
 
+class CauseRemedy(msgspec.Struct, frozen=True):
+    """Why an event may have happened and what helps (manual 8.2.4)."""
+
+    id: int
+    cause: str
+    remedy: str = ""
+
+
+class Detail(msgspec.Struct, frozen=True):
+    """A further text of an event (manual 8.2.5)."""
+
+    name: str
+    text: str
+    comment: str = ""
+
+
 class EventEntry(msgspec.Struct, frozen=True):
-    """One event of a class: its Name for code, its display text (also the key of its translations), its usual severity."""
+    """One event of a class: its Name for code, its display text (also the key of its translations), its usual severity.
+
+    Causes, remedies and details are translated like display texts: by the class's translations of the text itself.
+    """
 
     id: int
     name: str
     severity: Severity
     display_text: str = ""
     comment: str = ""
+    causes: tuple[CauseRemedy, ...] = ()
+    details: tuple[Detail, ...] = ()
+    properties: Mapping[str, str] = {}
 
 
 class EventClass(msgspec.Struct, frozen=True):
     """One version of an event class; ValueError when a GUID is none.
 
-    `hides` are the GUIDs of older versions, `translations` those of its texts, wherever the file kept them, and `properties`
-    the properties other than HideNeedlessArguments.
+    `hides` are the GUIDs of older versions, `translations` those of its texts, wherever the file kept them, `properties`
+    the properties other than HideNeedlessArguments, and `attributes` what TwinCAT notes beside the GUID (PersistentType,
+    TcBaseType, CName).
     """
 
     guid: str
@@ -71,6 +81,7 @@ class EventClass(msgspec.Struct, frozen=True):
     namespace: str = ""
     comment: str = ""
     properties: Mapping[str, str] = {}
+    attributes: Mapping[str, str] = {}
 
     def __post_init__(self) -> None:
         msgspec.structs.force_setattr(self, "guid", guid(self.guid))
@@ -85,8 +96,19 @@ class EventClass(msgspec.Struct, frozen=True):
         """The event of that Name, or None."""
         return next((entry for entry in self.events.values() if entry.name == name), None)
 
+    def texts(self) -> tuple[str, ...]:
+        """Every text that can be translated, each once: display texts, comments, causes, remedies and details."""
+        found = [self.display_text, self.comment]
+        for entry in self.events.values():
+            found += (entry.display_text, entry.comment)
+            for cause in entry.causes:
+                found += (cause.cause, cause.remedy)
+            for detail in entry.details:
+                found += (detail.name, detail.text, detail.comment)
+        return tuple(text for text in dict.fromkeys(found) if text)
+
     def translated(self, text: str, lcid: int) -> str:
-        """A display text in the language, else in English, else itself. An empty translation counts as none."""
+        """A text of the class in the language, else in English, else itself. An empty translation counts as none."""
         table = self.translations.get(text)
         return (table.get(lcid) or table.get(ENGLISH) or text) if table else text
 
@@ -151,86 +173,6 @@ def _known_language(language: Language) -> int:
         return language_id(language)
     except LanguageError:
         return ENGLISH
-
-
-# TEXTS ------------------------------------------------------------------------------------------------------------------------
-
-
-class _Slot(msgspec.Struct, frozen=True):
-    written: str
-    name: str
-    format: str
-
-
-_SLOT: Final = re.compile(r"\{([0-9]{1,4}|eventid|eventclass)(?:,([^{}]{0,16}))?\}", re.IGNORECASE | re.ASCII)
-_WIDTHS: Final = {
-    int(kind): bits
-    for bits, kinds in {
-        8: (ArgumentType.INT8, ArgumentType.UINT8),
-        16: (ArgumentType.INT16, ArgumentType.UINT16),
-        32: (ArgumentType.INT32, ArgumentType.UINT32),
-    }.items()
-    for kind in kinds
-}
-
-
-@lru_cache(maxsize=4096)
-def _template(text: str) -> tuple[str | _Slot, ...]:
-    parts: list[str | _Slot] = []
-    end = 0
-    for match in _SLOT.finditer(text):
-        name = match[1].lower()
-        parts += (
-            text[end : match.start()],
-            _Slot(match[0], str(int(name)) if name.isdecimal() else name, (match[2] or "").strip()),
-        )
-        end = match.end()
-    return (*parts, text[end:])
-
-
-def _formatted(argument: Argument, code: str) -> str | None:
-    value = argument.python()
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    match code.lower():
-        case "d" if isinstance(value, int):
-            text = str(value)
-        case "x" if isinstance(value, int):
-            text = f"{value & (1 << _WIDTHS.get(argument.type, 64)) - 1 if value < 0 else value:x}"
-        case "e":
-            text = f"{value:e}"
-        case "f":
-            text = f"{value}.000000" if isinstance(value, int) else f"{value:f}"
-        case _:
-            return None
-    return text.upper() if code.isupper() else text
-
-
-def _float_text(value: float, single: bool) -> str:
-    if single and math.isfinite(value):
-        try:
-            for digits in range(6, 10):
-                short = f"{value:.{digits}g}"
-                if struct.unpack("<f", struct.pack("<f", float(short)))[0] == value:
-                    return short
-        except OverflowError:  # a sender's FLOAT that is none
-            pass
-    return repr(value).removesuffix(".0")
-
-
-def _plain(argument: Argument) -> str:
-    value = argument.python()
-    match argument.known_type, value:
-        case (ArgumentType.FLOAT | ArgumentType.DOUBLE) as kind, float():
-            return _float_text(value, kind is ArgumentType.FLOAT)
-        case ArgumentType.EXTERNAL_TIMESTAMP, int():
-            try:
-                return time_text(from_filetime(value)) or argument.value
-            except TimeError:
-                return argument.value
-        case _, bytes():
-            return f"<{len(value)} bytes>"
-    return argument.value
 
 
 # THE CATALOG ------------------------------------------------------------------------------------------------------------------
@@ -320,6 +262,33 @@ class Catalog:
         found = self.lookup(event_class)
         return event_class if found is None else found.translated(found.display_text, _known_language(language)) or found.name
 
+    def causes(self, event_class: str, event_id: int, language: Language = ENGLISH) -> tuple[CauseRemedy, ...]:
+        """Causes and remedies of an event in the language; () when it has none or is unknown."""
+        found, entry, lcid = self.lookup(event_class), self.entry(event_class, event_id), _known_language(language)
+        if found is None or entry is None:
+            return ()
+        return tuple(
+            CauseRemedy(each.id, found.translated(each.cause, lcid), found.translated(each.remedy, lcid))
+            for each in entry.causes
+        )
+
+    def details(self, event_class: str, event_id: int, language: Language = ENGLISH) -> tuple[Detail, ...]:
+        """Details of an event in the language; () when it has none or is unknown."""
+        found, entry, lcid = self.lookup(event_class), self.entry(event_class, event_id), _known_language(language)
+        if found is None or entry is None:
+            return ()
+        return tuple(
+            Detail(*(found.translated(text, lcid) for text in (each.name, each.text, each.comment))) for each in entry.details
+        )
+
+    def source_name(self, name: str | None, source_guid: str | None, language: Language = ENGLISH) -> str:
+        """What people call a source: its name, translated when the source GUID is that of a class that has it as a text.
+
+        So localised source names are event classes whose display texts equal the names (4026; facts 5.4). A missing name is "".
+        """
+        found = self.lookup(source_guid) if name and source_guid else None
+        return found.translated(name, _known_language(language)) if name and found is not None else name or ""
+
     def event_text(self, event: Occurrence, language: Language = ENGLISH) -> str:
         """The text of an event or alarm with its arguments, by the rules on top of this page; never an exception.
 
@@ -338,13 +307,13 @@ class Catalog:
             return f"{name}#{event_id} ({', '.join(shown)})" if shown else f"{name}#{event_id}"
         used: set[int] = set()
         parts: list[str] = []
-        for part in _template(found.translated(entry.display_text, lcid) or entry.name):
+        for part in template(found.translated(entry.display_text, lcid) or entry.name):
             if isinstance(part, str):
                 parts.append(part)
             elif part.name == "eventclass":
                 parts.append(found.guid)
             elif part.name == "eventid":
-                parts.append(_slot_text(Argument(ArgumentType.UINT32, str(event_id)), part.format))
+                parts.append(argument_text(Argument(ArgumentType.UINT32, str(event_id)), part.format))
             elif (index := int(part.name)) < len(arguments):
                 used.add(index)
                 parts.append(self._argument_text(arguments[index], found.guid, lcid, part.format))
@@ -364,12 +333,7 @@ class Catalog:
                 if isinstance(value, EventReference)
                 else argument.value
             )
-        return _slot_text(argument, code)
-
-
-def _slot_text(argument: Argument, code: str) -> str:
-    text = _formatted(argument, code) if code else None
-    return _plain(argument) if text is None else text
+        return argument_text(argument, code)
 
 
 def _with_translations(found: EventClass, earlier: Translations) -> EventClass:

@@ -10,18 +10,24 @@ Shape (facts 2.1 to 2.4): the root is TcModuleClass, TcSmProject or TcSmItem. A 
 EventId children. Translations hang on the root or on one DataType and are joined by the display text; on one class its own
 come before those of the file. Display texts are taken as they are, names, ids and GUIDs without the blanks around them.
 HideNeedlessArguments holds unless its value is 0 or false; a property without a value has the value "".
+
+Causes, remedies and details have no place that anybody has seen (facts 2.4). Ours are properties of the event, which other
+generators write too: under EventId, Properties/Property with the Names
+  Cause[3] and behind it Remedy[3]           cause and remedy of id 3
+  Detail[Wiring] and DetailComment[Wiring]   text and comment of the detail Wiring
+Their values are taken as they are, and translated as display texts are. Every other property of an event is kept as one.
 """
 
 import codecs
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Final
 
 import msgspec
 from lxml import etree
 
 from bridge.core.arguments import guid
-from bridge.core.catalog import EventClass, EventEntry
+from bridge.core.catalog import CauseRemedy, Detail, EventClass, EventEntry
 from bridge.core.events import Severity
 
 ROOTS: Final = ("TcModuleClass", "TcSmProject", "TcSmItem")
@@ -69,6 +75,12 @@ class ReadResult(msgspec.Struct, frozen=True):
     classes: tuple[EventClass, ...]
     problems: tuple[Problem, ...] = ()
     translations: dict[str, dict[int, str]] = {}
+    lines: Mapping[tuple[str, int | None], int] = {}
+    """Where the classes (GUID, None) and their events (GUID, id) stand."""
+
+    def line(self, event_class: str, event_id: int | None = None) -> int:
+        """The line of a class or of its event, as far as it is known; 1 when it is not."""
+        return self.lines.get((event_class, event_id)) or self.lines.get((event_class, None), 1)
 
 
 def read_classes(data: bytes, name: str = "") -> ReadResult:
@@ -128,6 +140,7 @@ class _Reader:
         self.problems: list[Problem] = []
         self.classes: list[EventClass] = []
         self.table: _Table = {}
+        self.lines: dict[tuple[str, int | None], int] = {}
 
     def problem(self, line: int, message: str) -> None:
         self.faults += 1
@@ -139,15 +152,12 @@ class _Reader:
 
     def result(self) -> ReadResult:
         classes = tuple(msgspec.structs.replace(found, translations=self.joined(found)) for found in self.classes)
-        return ReadResult(classes, tuple(sorted(self.problems, key=lambda each: each.line)), self.table)
+        return ReadResult(classes, tuple(sorted(self.problems, key=lambda each: each.line)), self.table, self.lines)
 
     def joined(self, found: EventClass) -> _Table:
         joined = {key: dict(table) for key, table in found.translations.items()}
-        keys = [found.display_text, found.comment]
-        for entry in found.events.values():
-            keys += (entry.display_text, entry.comment)
-        for key in keys:
-            if key and key in self.table:
+        for key in found.texts():
+            if key in self.table:
                 joined[key] = {**self.table[key], **found.translations.get(key, {})}
         return joined
 
@@ -169,6 +179,7 @@ class _Reader:
             return None
         class_guid = self.guid(head, f"event class {name}")
         events: dict[int, EventEntry] = {}
+        lines: dict[int, int] = {}
         for child in element.iterfind("EventId"):
             entry = self.event(child, name)
             if entry is None:
@@ -177,18 +188,17 @@ class _Reader:
                 both = f"{events[entry.id].name} and {entry.name}"
                 self.fault(child, f"event class {name}: id {entry.id} is used twice, by {both}; expected different ids")
             events[entry.id] = entry
+            lines[entry.id] = self.offset + (child.sourceline or 1)
         translations: _Table = {}
         for child in element.iterfind("Translations"):
             self.read_translations(child, translations)
         hides = [self.guid(child, f"a Hide of event class {name}") for child in element.iterfind("Hides/Hide")]
-        properties = {
-            key: (child.findtext("Value") or "").strip()
-            for child in element.iterfind("Properties/Property")
-            if (key := _stripped(child.find("Name")))
-        }
+        properties = {key: value.strip() for key, value in _properties(element.find("Properties"))}
         hidden = properties.pop(HIDE_NEEDLESS_ARGUMENTS, "0")
         if class_guid is None:
             return None
+        self.lines[class_guid, None] = self.offset + (element.sourceline or 1)
+        self.lines.update({(class_guid, number): line for number, line in lines.items()})
         return EventClass(
             guid=class_guid,
             name=name,
@@ -200,6 +210,7 @@ class _Reader:
             namespace=(head.get("Namespace") or "").strip(),
             comment=element.findtext("Comment") or "",
             properties=properties,
+            attributes={key: value for key, value in head.attrib.items() if key not in ("GUID", "Namespace")},
         )
 
     def event(self, element: etree._Element, class_name: str) -> EventEntry | None:
@@ -219,7 +230,8 @@ class _Reader:
             self.fault(element, f"event {class_name}.{name}: {found}; expected one of {', '.join(_SEVERITIES)}")
         if number is None or severity is None:
             return None
-        return EventEntry(number, name, severity, _text(parts.get("DisplayName")), _text(parts.get("Comment")))
+        entry = EventEntry(number, name, severity, _text(parts.get("DisplayName")), _text(parts.get("Comment")))
+        return _with_properties(entry, parts["Properties"]) if "Properties" in parts else entry
 
     def read_translations(self, element: etree._Element, into: _Table) -> None:
         for key in element.iterfind("Text"):
@@ -282,6 +294,38 @@ class _Reader:
                     self.read_data_type(element)
                 else:
                     self.read_translations(element, self.table)
+
+
+def _properties(element: etree._Element | None) -> Iterator[tuple[str, str]]:
+    for child in element.iterfind("Property") if element is not None else ():
+        if key := _stripped(child.find("Name")):
+            yield key, child.findtext("Value") or ""
+
+
+_OURS: Final = re.compile(r"(Cause|Remedy)\[([0-9]{1,10})\]|(Detail|DetailComment)\[(.*)\]", re.DOTALL)
+
+
+def _with_properties(entry: EventEntry, element: etree._Element) -> EventEntry:
+    causes: list[CauseRemedy] = []
+    details: list[Detail] = []
+    others: dict[str, str] = {}
+    for key, value in _properties(element):
+        match = _OURS.fullmatch(key)
+        if match is None:
+            others[key] = value.strip()
+        elif match[1] == "Cause":
+            causes.append(CauseRemedy(int(match[2]), value))
+        elif match[3] == "Detail":
+            details.append(Detail(match[4], value))
+        elif match[1] and causes and causes[-1].id == int(match[2]):
+            causes[-1] = msgspec.structs.replace(causes[-1], remedy=value)
+        elif match[1]:
+            causes.append(CauseRemedy(int(match[2]), "", value))
+        elif details and details[-1].name == match[4]:
+            details[-1] = msgspec.structs.replace(details[-1], comment=value)
+        else:
+            details.append(Detail(match[4], "", value))
+    return msgspec.structs.replace(entry, causes=tuple(causes), details=tuple(details), properties=others)
 
 
 def _text(element: etree._Element | None) -> str:

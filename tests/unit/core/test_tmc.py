@@ -56,23 +56,23 @@ def test_a_class_with_everything(root: str) -> None:
         f'<Hides><Hide GUID="{{{OLD.upper()}}}"/></Hides>'
     )
     events = event() + event("#x2", "Stop", "stopped", "Critical", "<Comment><![CDATA[at last]]></Comment>")
-    result = read(data_type(events, extra), root=root)
-    assert result == ReadResult(
-        (
-            EventClass(
-                guid=PUMP,
-                name="Pump",
-                display_text="Pumps",
-                events={
-                    1: EventEntry(1, "Start", Severity.INFO, "started {0}"),
-                    2: EventEntry(2, "Stop", Severity.CRITICAL, "stopped", "at last"),
-                },
-                hides=(OLD,),
-                hide_needless_arguments=True,
-                comment="for the pump",
-                properties={"plcAttribute_to_string": "1", "mark": ""},
-            ),
-        )
+    result = read(data_type(events, extra).replace("<Name GUID", '<Name PersistentType="true" GUID', 1), root=root)
+    assert result.problems == ()
+    assert result.classes == (
+        EventClass(
+            guid=PUMP,
+            name="Pump",
+            display_text="Pumps",
+            events={
+                1: EventEntry(1, "Start", Severity.INFO, "started {0}"),
+                2: EventEntry(2, "Stop", Severity.CRITICAL, "stopped", "at last"),
+            },
+            hides=(OLD,),
+            hide_needless_arguments=True,
+            comment="for the pump",
+            properties={"plcAttribute_to_string": "1", "mark": ""},
+            attributes={"PersistentType": "true"},
+        ),
     )
 
 

@@ -1,0 +1,367 @@
+"""Event classes as TOML, for people without TwinCAT; docs/classes.md describes the format.
+
+Rule 1: bytes in, values out, and back; what is written reads back equal.
+Rule 2: a class is read whole or not at all. Each fault is a Problem with file and line; the whole classes beside it are read.
+        An unknown key is a fault, with the key that was probably meant. A file that is no TOML is refused.
+Rule 3: a class without a GUID gets the one of its content (bridge/core/definitions.py). `guid` is taken as it is.
+        `published` is the content's GUID when the class was last given away: if the content is another by now, the class is
+        the edited one, which hides the published one.
+Rule 4: a file comes from outside: MAX_BYTES at most, keys of MAX_PARTS parts at most. Python's TOML reader takes about a
+        second per megabyte, and a time that grows with the square of a key's parts; larger classes belong in a .tmc file.
+"""
+
+import difflib
+import re
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Annotated, Final, TypeAlias
+
+import msgspec
+
+from bridge.core.catalog import CauseRemedy, Detail, EventClass, EventEntry, language_id, language_tag
+from bridge.core.definitions import content_guid, define_class, published_as
+from bridge.core.events import Severity
+from bridge.core.tmc import Problem, ReadResult, TmcError
+
+MAX_BYTES: Final = 1_000_000
+MAX_PARTS: Final = 16
+_PERSISTENT: Final = {"PersistentType": "true"}
+_SEVERITIES: Final = {severity.name.lower(): severity for severity in Severity}
+_Id: TypeAlias = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
+_Texts: TypeAlias = dict[str, str]
+_Path: TypeAlias = tuple[str | int, ...]
+
+
+class _Cause(msgspec.Struct, forbid_unknown_fields=True):
+    id: _Id
+    cause: str
+    remedy: str = ""
+
+
+class _Detail(msgspec.Struct, forbid_unknown_fields=True):
+    name: str
+    text: str
+    comment: str = ""
+
+
+class _Event(msgspec.Struct, forbid_unknown_fields=True):
+    id: _Id
+    name: str
+    severity: str
+    display_text: str = ""
+    translations: _Texts = {}
+    comment: str = ""
+    causes: list[_Cause] = []
+    details: list[_Detail] = []
+    properties: _Texts = {}
+
+
+class _Class(msgspec.Struct, forbid_unknown_fields=True):
+    name: str
+    events: list[_Event]
+    namespace: str = ""
+    display_text: str = ""
+    translations: _Texts = {}
+    guid: str | None = None
+    published: str | None = None
+    hides: list[str] = []
+    hide_needless_arguments: bool = False
+    comment: str = ""
+    properties: _Texts = {}
+    attributes: _Texts | None = None
+    texts: dict[str, _Texts] = {}
+
+
+_TABLES: Final[dict[tuple[str, ...], type[msgspec.Struct]]] = {
+    (): _Class,
+    ("events",): _Event,
+    ("events", "causes"): _Cause,
+    ("events", "details"): _Detail,
+}
+_KEYS: Final = {path: tuple(field.name for field in msgspec.structs.fields(table)) for path, table in _TABLES.items()}
+
+
+def read_classes(data: bytes, name: str = "") -> ReadResult:
+    """Read the event classes of a TOML file's content; `name` is what problems call the file.
+
+    TmcError when it is no TOML, has no list of classes, or is larger than MAX_BYTES.
+    """
+    parsed, text = _parsed(data, name)
+    raw = parsed.get("classes")
+    lines = _Lines(text)
+    for key in parsed:
+        if key != "classes":
+            raise TmcError(name, lines.of((key,)), f"unknown key {key!r}; expected [[classes]]")
+    if not isinstance(raw, list) or not all(isinstance(each, dict) for each in raw):
+        raise TmcError(name, 1, "no list of classes; expected [[classes]]")
+    classes: list[EventClass] = []
+    problems: list[Problem] = []
+    places: dict[tuple[str, int | None], int] = {}
+    for index, table in enumerate(raw):
+        faults = list(_faults(table, ("classes", index)))
+        if not faults:
+            try:
+                form = msgspec.convert(table, _Class)
+                found = _event_class(form)
+            except _Fault as fault:
+                faults = [(("classes", index, *fault.path), fault.message)]
+            except msgspec.ValidationError as error:
+                faults = [_converted(error, index)]
+            except ValueError as error:
+                faults = [(("classes", index), str(error))]
+            else:
+                classes.append(found)
+                places[found.guid, None] = lines.of(("classes", index))
+                for number, event in enumerate(form.events):
+                    places[found.guid, event.id] = lines.of(("classes", index, "events", number))
+        problems += (Problem(name, lines.of(path), message) for path, message in faults)
+    return ReadResult(tuple(classes), tuple(problems), lines=places)
+
+
+def write_classes(classes: Iterable[EventClass]) -> bytes:
+    """The content of a TOML file with these classes. ValueError when a text is none (a lone surrogate)."""
+    return "\n".join("\n".join(_class_lines(found)) + "\n" for found in classes).encode("utf-8")
+
+
+# READING ----------------------------------------------------------------------------------------------------------------------
+
+
+class _Fault(Exception):
+    """A fault that is found behind the types: where in the class, and what."""
+
+    def __init__(self, path: _Path, message: str) -> None:
+        self.path, self.message = path, message
+        super().__init__(message)
+
+
+_PART: Final = r"""(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""
+_LONG_KEY: Final = re.compile(rf"(?:^|[\[{{,])[ \t]*(?:{_PART}[ \t]*+\.[ \t]*+){{{MAX_PARTS}}}", re.MULTILINE)
+
+
+def _parsed(data: bytes, name: str) -> tuple[dict[str, object], str]:
+    if len(data) > MAX_BYTES:
+        raise TmcError(name, 1, f"{len(data)} bytes; expected at most {MAX_BYTES}, larger classes belong in a .tmc file")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise TmcError(name, line, "bytes that are no UTF-8; expected a TOML file") from None
+    long = _LONG_KEY.search(text)
+    if long is not None:
+        line = text.count("\n", 0, long.start()) + 1
+        raise TmcError(name, line, f"a key of more than {MAX_PARTS} parts; expected a TOML file of event classes")
+    try:
+        return tomllib.loads(text), text
+    except RecursionError:
+        raise TmcError(name, 1, "nested too deep; expected a TOML file of event classes") from None
+    except ValueError as error:
+        found = re.fullmatch(r"(.*) \(at (?:line (\d+), column (\d+)|end of document)\)", str(error), re.DOTALL)
+        reason = found[1] if found else str(error)
+        line = int(found[2]) if found and found[2] else text.count("\n") + 1 if found else 1
+        column = f" in column {found[3]}" if found and found[3] else ""
+        raise TmcError(name, line, f"{reason}{column}; expected a TOML file") from None
+
+
+def _faults(table: object, path: _Path) -> Iterator[tuple[_Path, str]]:
+    """Unknown keys, everywhere below the class."""
+    names = tuple(step for step in path[2:] if isinstance(step, str))
+    keys = _KEYS.get(names)
+    if keys is None or not isinstance(table, dict):
+        return
+    for key, value in table.items():
+        if key not in keys:
+            near = difflib.get_close_matches(key, keys, n=1)
+            hint = f", did you mean {near[0]!r}?" if near else f"; expected one of {', '.join(keys)}"
+            yield (*path, key), f"unknown key {key!r}{hint}"
+        elif isinstance(value, list):
+            for index, each in enumerate(value):
+                yield from _faults(each, (*path, key, index))
+
+
+_STEP: Final = re.compile(r"\.([^.\[\]]+)|\[([0-9]+)\]|\[\.\.\.\]")
+
+
+def _converted(error: msgspec.ValidationError, index: int) -> tuple[_Path, str]:
+    message, _, place = str(error).partition(" - at `$")
+    path: _Path = ("classes", index)
+    for step in _STEP.finditer(place.rstrip("`")):
+        if step[1] is None and step[2] is None:
+            break
+        path = (*path, step[1] if step[1] is not None else int(step[2]))
+    message = message.replace("Object missing required field", "no").replace("`", "'")
+    key = next((step for step in reversed(path) if isinstance(step, str)), "")
+    return path, f"{key}: {message}" if len(path) > 2 else message
+
+
+def _event_class(form: _Class) -> EventClass:
+    texts: dict[str, dict[int, str]] = {}
+    _translate(texts, form.display_text, form.translations, ("translations",))
+    for text, table in form.texts.items():
+        _translate(texts, text, table, ("texts", text))
+    entries: dict[int, EventEntry] = {}
+    for index, event in enumerate(form.events):
+        path: _Path = ("events", index)
+        if event.id in entries:
+            both = f"{entries[event.id].name} and {event.name}"
+            raise _Fault(path, f"event class {form.name}: id {event.id} is used twice, by {both}; expected different ids")
+        severity = _SEVERITIES.get(event.severity.lower())
+        if severity is None:
+            expected = ", ".join(_SEVERITIES)
+            raise _Fault(
+                (*path, "severity"), f"event {form.name}.{event.name}: severity {event.severity!r}; expected one of {expected}"
+            )
+        if event.translations:
+            _translate(texts, event.display_text, event.translations, (*path, "translations"))
+        entries[event.id] = EventEntry(
+            event.id,
+            event.name,
+            severity,
+            event.display_text,
+            event.comment,
+            tuple(CauseRemedy(each.id, each.cause, each.remedy) for each in event.causes),
+            tuple(Detail(each.name, each.text, each.comment) for each in event.details),
+            event.properties,
+        )
+    if form.guid is not None and form.published is not None:
+        raise _Fault(("published",), f"event class {form.name}: both guid and published; expected one of them")
+    found = define_class(
+        form.name,
+        form.display_text,
+        entries.values(),
+        namespace=form.namespace,
+        hides=form.hides,
+        hide_needless_arguments=form.hide_needless_arguments,
+        comment=form.comment,
+        properties=form.properties,
+    )
+    attributes = _PERSISTENT if form.attributes is None else form.attributes
+    found = msgspec.structs.replace(found, translations=texts, attributes=attributes)
+    if form.guid is not None:
+        return msgspec.structs.replace(found, guid=form.guid)
+    return found if form.published is None else published_as(form.published, found)
+
+
+def _translate(texts: dict[str, dict[int, str]], text: str, table: Mapping[str, str], path: _Path) -> None:
+    if not table and path == ("translations",):
+        return
+    known = texts.setdefault(text, {})
+    for language, translated in table.items():
+        try:
+            lcid = int(language) if re.fullmatch("[0-9]{1,10}", language) else language_id(language)
+        except ValueError as error:
+            raise _Fault((*path, language), str(error)) from None
+        if known.setdefault(lcid, translated) != translated:
+            raise _Fault((*path, language), f"{text[:40]!r} has two translations into {language}; expected one")
+
+
+class _Lines:
+    """Where the tables and keys of the text stand, as far as lines tell: what is written inline stands where its table does."""
+
+    _HEADER: Final = re.compile(r"\s*(\[\[?)([^\[\]]*)\]")
+    _KEY: Final = re.compile(r"\s*(?:\"([^\"]*)\"|'([^']*)'|([A-Za-z0-9_-]+))\s*[=.]")
+    _PART: Final = re.compile(r"\"([^\"]*)\"|'([^']*)'|([A-Za-z0-9_-]+)")
+
+    def __init__(self, text: str) -> None:
+        self._places: dict[_Path, int] = {}
+        counts: dict[_Path, int] = {}
+        table: _Path = ()
+        inside = ""
+        for number, line in enumerate(text.split("\n"), 1):
+            began = inside
+            for quotes in re.findall("\"\"\"|'''", line):
+                inside = "" if inside == quotes else inside or quotes
+            if began:
+                continue
+            if (header := self._HEADER.match(line)) is not None:
+                names = [next(filter(None, part), "") for part in self._PART.findall(header[2])]
+                table = ()
+                for position, name in enumerate(names, 1):
+                    table = (*table, name)
+                    if position == len(names) and header[1] == "[[":
+                        counts[table] = counts.get(table, -1) + 1
+                    if table in counts:
+                        table = (*table, counts[table])
+                self._places.setdefault(table, number)
+            elif (key := self._KEY.match(line)) is not None:
+                self._places.setdefault((*table, next(filter(None, key.groups()), "")), number)
+
+    def of(self, path: _Path) -> int:
+        """The line of the path or of the nearest table around it."""
+        while path and path not in self._places:
+            path = path[:-1]
+        return self._places.get(path, 1)
+
+
+# WRITING ----------------------------------------------------------------------------------------------------------------------
+
+_ESCAPES: Final = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\r": "\\r", "\t": "\\t"}
+
+
+def _string(text: str) -> str:
+    return '"' + "".join(_ESCAPES.get(c, c if c >= " " and c != "\x7f" else f"\\u{ord(c):04x}") for c in text) + '"'
+
+
+def _key(text: str) -> str:
+    return text if re.fullmatch(r"[A-Za-z0-9_-]+", text) else _string(text)
+
+
+def _inline(table: Mapping[str, str]) -> str:
+    return "{ " + ", ".join(f"{_key(key)} = {_string(value)}" for key, value in table.items()) + " }" if table else "{}"
+
+
+def _languages(table: Mapping[int, str]) -> str:
+    return _inline({_language(lcid): text for lcid, text in table.items()})
+
+
+def _language(lcid: int) -> str:
+    tag = language_tag(lcid)
+    return tag if language_id(tag) == lcid else str(lcid)
+
+
+def _optional(**texts: str) -> Iterator[str]:
+    return (f"{key} = {_string(text)}" for key, text in texts.items() if text)
+
+
+def _class_lines(found: EventClass) -> Iterator[str]:
+    left = dict(found.translations)
+    yield "[[classes]]"
+    yield f"name = {_string(found.name)}"
+    yield from _optional(namespace=found.namespace)
+    yield f"{'published' if content_guid(found) == found.guid else 'guid'} = {_string(found.guid)}"
+    yield from _optional(display_text=found.display_text)
+    if left.get(found.display_text):
+        yield f"translations = {_languages(left.pop(found.display_text))}"
+    yield from _optional(comment=found.comment)
+    if found.hides:
+        yield f"hides = [{', '.join(map(_string, found.hides))}]"
+    if found.hide_needless_arguments:
+        yield "hide_needless_arguments = true"
+    if found.properties:
+        yield f"properties = {_inline(found.properties)}"
+    if found.attributes != _PERSISTENT:
+        yield f"attributes = {_inline(found.attributes)}"
+    events = [line for entry in found.events.values() for line in _event_lines(entry, left)]
+    if left:
+        yield "\n[classes.texts]"
+        yield from (f"{_key(text)} = {_languages(table)}" for text, table in left.items())
+    yield from events
+
+
+def _event_lines(entry: EventEntry, left: dict[str, Mapping[int, str]]) -> Iterator[str]:
+    yield "\n[[classes.events]]"
+    yield f"id = {entry.id}"
+    yield f"name = {_string(entry.name)}"
+    yield f"severity = {_string(entry.severity.name.lower())}"
+    yield from _optional(display_text=entry.display_text)
+    if left.get(entry.display_text):
+        yield f"translations = {_languages(left.pop(entry.display_text))}"
+    yield from _optional(comment=entry.comment)
+    causes = [f"id = {each.id}, cause = {_string(each.cause)}, remedy = {_string(each.remedy)}" for each in entry.causes]
+    details = [
+        f"name = {_string(each.name)}, text = {_string(each.text)}, comment = {_string(each.comment)}" for each in entry.details
+    ]
+    for key, tables in (("causes", causes), ("details", details)):
+        if tables:
+            yield f"{key} = [\n" + "".join(f"  {{ {table} }},\n" for table in tables) + "]"
+    if entry.properties:
+        yield f"properties = {_inline(entry.properties)}"
