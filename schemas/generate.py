@@ -23,7 +23,15 @@ from bridge.core.events import (
     Origin,
     Severity,
 )
-from bridge.core.questions import CommandAnswer, CommandQuestion, LogPart, LogQuestion, StatePart
+from bridge.core.questions import (
+    ClearLogAnswer,
+    ClearLogQuestion,
+    CommandAnswer,
+    CommandQuestion,
+    LogPart,
+    LogQuestion,
+    StatePart,
+)
 from bridge.core.sequence import Beat, Missing
 
 HERE: Final = Path(__file__).parent
@@ -42,6 +50,8 @@ TYPES: Final[dict[str, tuple[type[msgspec.Struct], str]]] = {
     "log-part": (LogPart, "answered on @log"),
     "command-question": (CommandQuestion, "asked on @do/{command}"),
     "command-answer": (CommandAnswer, "answered on @do/{command}"),
+    "clear-log-question": (ClearLogQuestion, "asked on @do/clear_log"),
+    "clear-log-answer": (ClearLogAnswer, "answered on @do/clear_log"),
 }
 """The payloads beside events, by file name. They may use $ref; an event's schema may not."""
 

@@ -6,15 +6,17 @@ Rule 3: an answer has at most PART_ITEMS items; `part` of `parts` says whether i
 Rule 4: read_only marks the answers of a logger that has stepped back for an older one; who gets another answer ignores them.
 """
 
-from typing import Final
+from typing import Final, Literal, TypeAlias
 
 import msgspec
 
 from bridge.core.alarms import Alarm, AlarmCommand
+from bridge.core.event_fields import SortName
 from bridge.core.events import U32, AnyEvent, Count
 from bridge.core.sequence import Missing
 
 PART_ITEMS: Final = 1000
+ViewName: TypeAlias = Literal["transitions", "occurrences"]
 
 
 class StatePart(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -32,7 +34,9 @@ class StatePart(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 class LogQuestion(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """Which stored events: those a filter text takes, or those somebody missed. limit 0 is all of them.
 
-    offset counts from the newest (newest_first) or the oldest.
+    They are sorted by arrival, or by `sort`; newest_first also means the largest first. limit takes the first of them so
+    sorted, with take_last the last, and offset leaves out as many at that end. Texts and class names are sorted as they are in
+    `lang`. In the view of occurrences an alarm's life is one row, its newest transition, and the filter is asked about that.
     """
 
     filter: str = ""
@@ -40,6 +44,10 @@ class LogQuestion(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     offset: Count = 0
     newest_first: bool = True
     missing: Missing | None = None
+    sort: SortName | Literal[""] = ""
+    take_last: bool = False
+    view: ViewName = "transitions"
+    lang: str = ""
 
 
 class Stored(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -80,4 +88,25 @@ class CommandAnswer(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=Tru
     alarm: Alarm | None = None
     created: bool = False
     seq: Count = 0
+    read_only: bool = False
+
+
+class ClearLogQuestion(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """Asked on @do/clear_log: forget the stored events that `which` selects. Alarm states stay as they are."""
+
+    id: str
+    which: LogQuestion = LogQuestion()
+    operator: str = ""
+    client: str = ""
+    comment: str = ""
+
+
+class ClearLogAnswer(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """How many events were forgotten, or the HRESULT and a detail for people; and who answered."""
+
+    id: str
+    session: str
+    result: U32 = 0
+    detail: str = ""
+    cleared: Count = 0
     read_only: bool = False

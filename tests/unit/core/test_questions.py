@@ -8,6 +8,8 @@ from bridge.core.arguments import ZERO_GUID, Argument
 from bridge.core.events import ConfirmationState, Severity
 from bridge.core.questions import (
     PART_ITEMS,
+    ClearLogAnswer,
+    ClearLogQuestion,
     CommandAnswer,
     CommandQuestion,
     LogPart,
@@ -28,6 +30,9 @@ MESSAGES: list[msgspec.Struct] = [
     StatePart(target="plc1", session="s1", seq=0),
     LogQuestion(filter="severity >= error", limit=10, offset=5, newest_first=False),
     LogQuestion(missing=Missing("s1", "k", 4, 6, 2)),
+    LogQuestion(sort="event_text", lang="de", take_last=True, view="occurrences"),
+    ClearLogQuestion(id="1", which=LogQuestion(filter="is_alarm", limit=3), operator="op", client="hmi", comment="full"),
+    ClearLogAnswer(id="1", session="s1", result=0x98110712, detail="no", cleared=3, read_only=True),
     LogPart(
         session="s1",
         part=1,
