@@ -10,7 +10,7 @@ header, 12 bytes per source-info entry, 2 bytes per argument type, then packed a
 """
 
 from enum import IntEnum
-from typing import Annotated, ClassVar, Final, Literal, TypeAlias
+from typing import Annotated, ClassVar, Final, Literal, NamedTuple, TypeAlias
 
 import msgspec
 
@@ -31,6 +31,17 @@ class Severity(IntEnum):
     WARNING = 2
     ERROR = 3
     CRITICAL = 4
+
+
+class EventDefinition(NamedTuple):
+    """Which event: class, id and usual severity. TcEventEntry (manual 6.3.1); catalog.EventEntry is what a class says of it.
+
+    A tuple, so that it stands for the first three arguments of a send: send_message(*TC_EVENTS.Line.Homed).
+    """
+
+    event_class: str
+    event_id: int
+    severity: Severity
 
 
 class ConfirmationState(IntEnum):
