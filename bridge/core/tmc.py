@@ -31,12 +31,12 @@ from bridge.core.catalog import CauseRemedy, Detail, EventClass, EventEntry
 from bridge.core.events import Severity
 
 ROOTS: Final = ("TcModuleClass", "TcSmProject", "TcSmItem")
+TRANSLATIONS: Final = "Translations"
 HIDE_NEEDLESS_ARGUMENTS: Final = "HideNeedlessArguments"
 MAX_PROBLEMS: Final = 1000
 """So many problems of one file are reported; more say nothing new."""
 HEAD_BYTES: Final = 1_000_000
 """The root element must begin within so many bytes."""
-_EXPECTED_ROOT: Final = f"expected an XML file whose root is {', '.join(ROOTS[:-1])} or {ROOTS[-1]}"
 _SEVERITIES: Final = {severity.name.capitalize(): severity for severity in Severity}
 _NUMBER: Final = re.compile(r"#[xX]([0-9a-fA-F]{1,8})|([0-9]{1,10})")
 _OPTIONS: Final = {
@@ -103,28 +103,44 @@ def read_classes(data: bytes, name: str = "") -> ReadResult:
     return reader.result()
 
 
+def read_translations(data: bytes, name: str = "") -> ReadResult:
+    """Read the translations of a file whose root is a Translations block, or those on file level of a class file.
+
+    The result has no classes. TmcError when the content is not XML, has another root, or has a DTD.
+    """
+    if _check_root(data, name, (*ROOTS, TRANSLATIONS)) != TRANSLATIONS:
+        return msgspec.structs.replace(read_classes(data, name), classes=(), lines={})
+    reader = _Reader(name)
+    try:
+        reader.read_translations(etree.fromstring(data, etree.XMLParser(**_OPTIONS)), reader.table)
+    except etree.XMLSyntaxError as error:
+        raise TmcError(name, error.lineno or 1, f"{_reason(error)}; expected well-formed XML") from None
+    return reader.result()
+
+
 def _reason(error: etree.XMLSyntaxError) -> str:
     return re.sub(r",? line \d+, column \d+.*", "", error.msg or "not well-formed", flags=re.DOTALL)
 
 
-def _check_root(data: bytes, name: str) -> None:
-    """Look at the head only, so that a hostile rest costs nothing yet. A fault behind the root is not told here."""
+def _check_root(data: bytes, name: str, roots: tuple[str, ...] = ROOTS) -> str:
+    """The root's tag. Looks at the head only, so that a hostile rest costs nothing yet; a fault behind it is not told here."""
+    expected = f"expected an XML file whose root is {', '.join(roots[:-1])} or {roots[-1]}"
     probe = etree.XMLPullParser(events=("start",), **_OPTIONS)
-    fault = TmcError(name, 1, f"no element; {_EXPECTED_ROOT}")
+    fault = TmcError(name, 1, f"no element; {expected}")
     for start in range(0, min(len(data), HEAD_BYTES) + 512, 512):
         piece = data[start : start + 512]
         failed = False
         try:
             probe.feed(piece) if piece else probe.close()
         except etree.XMLSyntaxError as error:
-            failed, fault = True, TmcError(name, error.lineno or 1, f"{_reason(error)}; {_EXPECTED_ROOT}")
+            failed, fault = True, TmcError(name, error.lineno or 1, f"{_reason(error)}; {expected}")
         root = next((element for _, element in probe.read_events()), None)
         if root is not None:
             if root.getroottree().docinfo.internalDTD is not None:
                 raise TmcError(name, 1, "a DTD is refused; expected a file without DOCTYPE")
-            if root.tag not in ROOTS:
-                raise TmcError(name, root.sourceline or 1, f"the root is {root.tag}; {_EXPECTED_ROOT}")
-            return
+            if root.tag not in roots:
+                raise TmcError(name, root.sourceline or 1, f"the root is {root.tag}; {expected}")
+            return str(root.tag)
         if failed or not piece:
             break
     raise fault
