@@ -130,7 +130,8 @@ def open_bus(settings: config.Settings) -> "Bus":
 
 
 def catalog(settings: config.Settings) -> "Catalog":
-    """The event classes of the settings; what is wrong in the files goes to stderr, the rest is used."""
+    """The built-in event classes and those of the settings, which win; what is wrong in files is told and the rest is used."""
+    from bridge.core.builtin import builtin_catalog
     from bridge.edges.class_files import load_catalog
 
     try:
@@ -139,18 +140,25 @@ def catalog(settings: config.Settings) -> "Catalog":
         raise Usage(f"--classes: {error.filename}: {error.strerror or error}") from None
     for problem in problems:
         note(f"warning: {problem}")
-    return found
+    return builtin_catalog().merged(found)
 
 
 def parse_filter(text: str | None, known: "Catalog") -> "Expr":
-    """The filter of a text. What the manual answers with an HRESULT is wrong usage here."""
+    """The filter of a text; old versions of classes that it names are told on stderr.
+
+    What the manual answers with an HRESULT is wrong usage here.
+    """
+    from bridge.core.filters.hidden import hidden_in
     from bridge.core.filters.text import parse
     from bridge.core.hresult import AdsError
 
     try:
-        return parse(text or "", resolve_class=known.guids)
+        expr = parse(text or "", resolve_class=known.guids)
     except AdsError as error:
         raise Usage(f"filter refused: {error}") from None
+    for hidden in hidden_in(expr, known):
+        note(f"warning: {hidden}")
+    return expr
 
 
 def operator(settings: config.Settings) -> str:
