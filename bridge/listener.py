@@ -11,7 +11,7 @@ Rule 5: the promise starts with the first beat of a session after subscribing.
 import contextlib
 import threading
 import time
-from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Final
 
@@ -26,6 +26,7 @@ from bridge.core.filters.predicate import compile_filter
 from bridge.core.filters.text import parse
 from bridge.core.sequence import Beat, Missing, Tracker
 from bridge.edges.bus import Arrival, Bus, Receiver
+from bridge.handover import Handover, dispatch
 from bridge.inbox import Dropped, Inbox, OnFull
 from bridge.notices import (
     Gap,
@@ -38,7 +39,6 @@ from bridge.notices import (
     TailUnknown,
     TwoLoggers,
     TwoLoggersError,
-    dispatch,
 )
 from bridge.repair import ask_log, ask_sender, ask_state, elements_of
 
@@ -63,7 +63,7 @@ RECHECK_S: Final = 0.1
 BATCH: Final = 1024
 
 
-class Listener:
+class Listener(Handover):
     """Events that a filter takes, as an iterator, an async iterator or callbacks. A context manager."""
 
     def __init__(
@@ -101,11 +101,8 @@ class Listener:
         self._check = None if isinstance(left, Everything) else compile_filter(left)
         self._limits, self._keep_bytes = limits, keep_bytes
         self._elements: dict[int, Heard] = {}
-        self._inbox: Inbox[AnyEvent | Heard | Notice] = Inbox(
-            queue_events, on_full, lambda item: isinstance(item, Event | Heard)
-        )
+        super().__init__(Inbox(queue_events, on_full, lambda item: isinstance(item, Event | Heard)))
         self._work = threading.RLock()
-        self._closed = threading.Event()
         self._table = AlarmTable() if with_state else None
         self._loggers: dict[str, str] = {}
         self._doubles: set[TwoLoggers] = set()
@@ -363,56 +360,7 @@ class Listener:
                         del self._loggers[target]
                 self._inbox.put([TailUnknown(target, session)])
 
-    # The user's side.
-
-    def get(self, timeout_s: float | None = None) -> Item | None:
-        """The next item; None when the time is up, or when the listener is closed and empty."""
-        return self._inbox.get(timeout_s)
-
-    def __iter__(self) -> Iterator[Item]:
-        return iter(self._inbox)
-
-    def __aiter__(self) -> AsyncIterator[Item]:
-        return aiter(self._inbox)
-
-    @property
-    def dropped(self) -> int:
-        """How many events left the full queue unread."""
-        return self._inbox.dropped
-
-    def events(self) -> Iterator[AnyEvent]:
-        """Only events; notices are in the counters."""
-        for item in self:
-            if isinstance(item, Event):
-                yield item
-
-    def take(self, count: int, timeout_s: float = 10.0) -> list[AnyEvent]:
-        """The next `count` events, or fewer when the time is up; notices are in the counters."""
-        deadline = time.monotonic() + timeout_s
-        taken: list[AnyEvent] = []
-        while len(taken) < count and (left := deadline - time.monotonic()) > 0:
-            item = self.get(left)
-            if item is None:
-                break
-            if isinstance(item, Event):
-                taken.append(item)
-        return taken
-
-    def observe(self, observer: object) -> threading.Thread:
-        """Call the observer's methods for every item, on one thread of ours, until closed.
-
-        on_message_sent(event), on_alarm_raised(event), on_alarm_cleared(event, removed), on_alarm_confirmed(event, removed),
-        on_alarm_disposed(event), on_notice(notice); any of them may be missing. `removed` says whether the alarm left the
-        list of active ones (bRemove).
-        """
-        thread = threading.Thread(target=self._observe, args=(observer,), name="observe", daemon=True)
-        thread.start()
-        self._threads.append(thread)
-        return thread
-
-    def _observe(self, observer: object) -> None:
-        for item in self:
-            dispatch(observer, item)
+    # What the user asks of a listener; how items are handed over is in handover.py.
 
     def snapshot(self) -> list[Snapshot]:
         """The state as folded so far, one per target whose logger answered; needs with_state."""
@@ -466,17 +414,16 @@ class Listener:
 
     def close(self, timeout_s: float = 2.0) -> bool:
         """Stop listening; what is queued can still be read. False when a thread did not end in time."""
-        self._closed.set()
+        super().close()
         for watch in self._watches:
             watch.close()
         for receiver in (*self._receivers, *self._beats):
             receiver.close()
-        self._inbox.close()
         deadline = time.monotonic() + timeout_s
         for thread in self._threads:
-            if thread is not threading.current_thread() and thread.name != "observe":
+            if thread is not threading.current_thread():
                 thread.join(max(0.0, deadline - time.monotonic()))
-        return not any(thread.is_alive() for thread in self._threads if thread.name != "observe")
+        return not any(thread.is_alive() for thread in self._threads)
 
     def __enter__(self) -> "Listener":
         return self

@@ -1,23 +1,17 @@
-"""What comes out of a listener beside events, and how an observer is called.
+"""What comes out of a listener beside events.
 
 Rule 1: loss and faults are values that stand in the stream where they happened.
 Rule 2: nothing here does anything: who finds a gap is in repair.py and listener.py.
 """
 
 from collections.abc import Sequence
-from typing import Final, TypeAlias
+from typing import TypeAlias
 
 import msgspec
 
 from bridge.core.alarms import Alarm
 from bridge.core.events import (
-    AlarmCleared,
-    AlarmConfirmed,
-    AlarmDisposed,
-    AlarmRaised,
     AnyEvent,
-    MessageSent,
-    is_active,
 )
 from bridge.core.sequence import Missing
 from bridge.inbox import Dropped
@@ -95,23 +89,3 @@ class TwoLoggersError(RuntimeError):
     def __init__(self, target: str, sessions: Sequence[str]) -> None:
         self.target, self.sessions = target, tuple(sessions)
         super().__init__(f"target {target!r} has {len(sessions)} loggers: {', '.join(sessions)}")
-
-
-_METHODS: Final[dict[type[Item], str]] = {
-    MessageSent: "on_message_sent",
-    AlarmRaised: "on_alarm_raised",
-    AlarmCleared: "on_alarm_cleared",
-    AlarmConfirmed: "on_alarm_confirmed",
-    AlarmDisposed: "on_alarm_disposed",
-}
-
-
-def dispatch(observer: object, item: Item) -> None:
-    """Call the observer's method for one item, if it has one."""
-    method = getattr(observer, _METHODS.get(type(item), "on_notice"), None)
-    if method is None:
-        return
-    if isinstance(item, AlarmCleared | AlarmConfirmed):
-        method(item, not is_active(item))
-    else:
-        method(item)
