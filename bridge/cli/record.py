@@ -101,4 +101,7 @@ def _attachments(settings: Settings) -> "list[Attachment]":
     from bridge.edges.class_files import class_files
     from bridge.edges.recording import Attachment
 
-    return [Attachment(file.name, file.read_bytes(), "application/xml") for file in class_files(settings.classes)]
+    return [
+        Attachment(file.name, file.read_bytes(), f"application/{'toml' if file.suffix.lower() == '.toml' else 'xml'}")
+        for file in class_files(settings.classes)
+    ]
