@@ -204,18 +204,22 @@ def decode(payload: bytes, encoding: Encoding = JSON, key: EventKey | None = Non
 _ENUMS: Final = {"Severity": Severity, "ConfirmationState": ConfirmationState}
 
 
+def schema_of(kind: type[msgspec.Struct]) -> dict[str, Any]:
+    """JSON Schema of a struct: everything inlined, one plain type per property."""
+    (root,), parts = msgspec.json.schema_components([kind], ref_template="{name}")
+    return cast(dict[str, Any], _inlined(parts[cast(str, root["$ref"])], parts))
+
+
 def schema() -> dict[str, Any]:
     """JSON Schema of one event: root inlined, no $ref, one plain type per property, as Foxglove's parser wants it."""
-    (root,), parts = msgspec.json.schema_components([MessageSent], ref_template="{name}")
-    event = _inlined(parts[cast(str, root["$ref"])], parts)
-    properties = cast(dict[str, Any], event["properties"])
-    properties["kind"] = {"type": "string", "enum": list(KIND_NAMES)}
+    event = schema_of(MessageSent)
+    event["properties"]["kind"] = {"type": "string", "enum": list(KIND_NAMES)}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "tcbridge.Event",
         "description": f"One event of tcbridge, wire format {WIRE}",
         "type": "object",
-        "properties": properties,
+        "properties": event["properties"],
         "required": event["required"],
     }
 

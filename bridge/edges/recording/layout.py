@@ -190,11 +190,6 @@ _TEXT: Final = {"type": "string"}
 _COUNT: Final = {"type": "integer", "minimum": 0}
 
 
-def _alarm_schema() -> dict[str, Any]:
-    fields = codec.schema()["properties"]
-    return {"type": "object", "properties": {name: fields[name] for name in Alarm.__struct_fields__}}
-
-
 def event_schema() -> bytes:
     """The JSON Schema of an event channel."""
     return msgspec.json.encode(codec.schema())
@@ -210,5 +205,5 @@ def state_schema() -> bytes:
     """The JSON Schema of /state."""
     names = dict.fromkeys(("realm", "target", "session"), _TEXT)
     numbers = dict.fromkeys(("seq", "part", "parts"), _COUNT)
-    alarms = {"alarms": {"type": "array", "items": _alarm_schema()}}
+    alarms = {"alarms": {"type": "array", "items": codec.schema_of(Alarm)}}
     return msgspec.json.encode(_object("tcbridge.State", names | numbers | alarms))
