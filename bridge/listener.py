@@ -17,6 +17,7 @@ from typing import Final
 
 import msgspec
 
+from bridge.attendance import Attendance, Token
 from bridge.core import codec, keys
 from bridge.core.alarms import Alarm, AlarmTable
 from bridge.core.events import DEFAULT_LIMITS, AnyEvent, Event, Limits, MessageSent
@@ -29,10 +30,14 @@ from bridge.edges.bus import Arrival, Bus, Receiver
 from bridge.handover import Handover, dispatch
 from bridge.inbox import Dropped, Inbox, OnFull
 from bridge.notices import (
+    BusBack,
+    BusLost,
     Gap,
     Heard,
     Item,
     ListenerCounters,
+    LoggerBack,
+    LoggerGone,
     Notice,
     Rejected,
     Snapshot,
@@ -40,15 +45,19 @@ from bridge.notices import (
     TwoLoggers,
     TwoLoggersError,
 )
-from bridge.repair import ask_log, ask_sender, ask_state, elements_of
+from bridge.repair import Held, ask_log, ask_sender, ask_state, elements_of
 
 __all__ = [
+    "BusBack",
+    "BusLost",
     "Dropped",
     "Gap",
     "Heard",
     "Item",
     "Listener",
     "ListenerCounters",
+    "LoggerBack",
+    "LoggerGone",
     "Notice",
     "Rejected",
     "Snapshot",
@@ -60,6 +69,8 @@ __all__ = [
 
 RECHECK_S: Final = 0.1
 """How long a tail may stay missing before it is asked for: events and beats come through different queues."""
+REASK_S: Final = 1.0
+REASK_STEP_S: Final = 0.05
 BATCH: Final = 1024
 
 
@@ -106,7 +117,7 @@ class Listener(Handover):
         self._table = AlarmTable() if with_state else None
         self._loggers: dict[str, str] = {}
         self._doubles: set[TwoLoggers] = set()
-        self._tokens: dict[str, set[str]] = {}
+        self._gone: dict[str, str] = {}
         self._final: set[str] = set()
         self._sessions: dict[str, str] = {}
         self._selected: dict[str, bool] = {}
@@ -116,9 +127,7 @@ class Listener(Handover):
         self._targets: list[str | None] = [None] if None in targets else [*sorted(t for t in targets if t is not None)]
         self._receivers = [bus.receiver(keys.expression(realm, selection)) for selection in self._cover.selections]
         self._beats = [bus.receiver(keys.verb_key(realm, t, "@beat", None), 4096) for t in self._targets]
-        self._watches = [
-            bus.watch_alive(keys.verb_key(realm, t, "@alive", None, None), self._alive_changed) for t in self._targets
-        ]
+        self._attendance = Attendance(bus, realm, self._targets, came=self._came, left=self._left, connected=self._connected)
         if self._table is not None:
             for known in self._targets:
                 self._resync(known)
@@ -166,22 +175,39 @@ class Listener(Handover):
             and first.key_seq
             and not self.tracker.is_duplicate(first.session, arrival.key, first.key_seq)
         ):
-            self._see(arrival.key, first, last.key_seq, out)
-            self._accept(events, out)
+            if self._see(arrival.key, first, last.key_seq, out):
+                self._accept(events, out)
+            else:
+                self._refuse(arrival.key, events, out)
             return
         for event in events:
             if not event.key_seq:
                 self._accept([event], out)
             elif self.tracker.is_duplicate(event.session, arrival.key, event.key_seq):
                 self.counters.duplicates += 1
-            else:
-                self._see(arrival.key, event, event.key_seq, out)
+            elif self._see(arrival.key, event, event.key_seq, out):
                 self._accept([event], out)
+            else:
+                self._refuse(arrival.key, [event], out)
 
-    def _see(self, key: str, first: Event, last: int, out: list[Item]) -> None:
+    def _see(self, key: str, first: Event, last: int, out: list[Item]) -> bool:
+        """Take note of first..last, deal with what is missing before them. False when their sender never numbered so far."""
         missing = self.tracker.see(first.session, key, first.key_seq, last)
-        if missing is not None:
-            self._recover(first.target, missing, out)
+        if missing is None:
+            return True
+        numbered = self._recover(first.target, missing, out)
+        if numbered is None or last <= numbered:
+            return True
+        self.tracker.step_back(missing.session, key, numbered)
+        return False
+
+    def _refuse(self, key: str, events: list[AnyEvent], out: list[Item]) -> None:
+        self.counters.rejected_events += len(events)
+        for event in events:
+            raw = self._elements[id(event)].element if self._keep_bytes else codec.encode(event)
+            out.append(
+                Rejected(key, raw, f"number {event.key_seq} is beyond what session {event.session} has sent on this key")
+            )
 
     def _accept(self, events: list[AnyEvent], out: list[Item]) -> None:
         if self._table is not None and events[0].is_alarm:
@@ -255,9 +281,17 @@ class Listener(Handover):
 
     # Loss.
 
-    def _recover(self, target: str, missing: Missing, out: list[Item]) -> None:
-        """Fill a gap from its sender, then from the logger; what is left is reported. The range is dealt with afterwards."""
-        found, evicted = ask_sender(self.bus, self.realm, target, missing, self._limits)
+    def _recover(self, target: str, missing: Missing, out: list[Item]) -> int | None:
+        """Fill a gap from its sender, then from the logger; what is left is reported. The range is dealt with afterwards.
+
+        Numbers the sender has never given are no gap. Returns its last number on this key, None when it does not tell.
+        """
+        held = self._ask_sender(target, missing)
+        found, evicted, numbered = held.found, held.evicted, held.numbered
+        if numbered is not None and numbered < missing.last:
+            if numbered < missing.first:
+                return numbered
+            missing = msgspec.structs.replace(missing, last=numbered)
         asked = "its sender does not answer" if evicted is None else "its sender no longer holds it"
         if len(found) < missing.count and (evicted is None or evicted > missing.after_seq):
             for heard in ask_log(self.bus, self.realm, target, missing):
@@ -280,6 +314,16 @@ class Listener(Handover):
         self.tracker.pass_over(missing)
         if lost and self._table is not None and "/alarm/" in missing.key:
             self._resync(target, out)
+        return numbered
+
+    def _ask_sender(self, target: str, missing: Missing) -> Held:
+        """Who shows that it is there and is not heard may just be connecting again: it is asked again, for a second."""
+        deadline = time.monotonic() + REASK_S
+        while True:
+            held = ask_sender(self.bus, self.realm, target, missing, self._limits)
+            if held.heard or not self._attendance.is_there(missing.session) or time.monotonic() > deadline:
+                return held
+            self._closed.wait(REASK_STEP_S)
 
     def _wanted(self, key: str) -> bool:
         known = self._selected.get(key)
@@ -311,11 +355,22 @@ class Listener(Handover):
             for beat in latest.values():
                 self._judge(beat)
 
+    def _check_first(self, beat: Beat, numbers: dict[str, int]) -> None:
+        """Before its first beat a session's numbers are taken as they come: what is beyond them now may be a stranger's."""
+        for key, number in numbers.items():
+            seen = self.tracker.last(beat.session, key)
+            if seen is not None and seen > number:
+                held = self._ask_sender(beat.target, Missing(beat.session, key, seen, seen))
+                if held.numbered is not None and held.numbered < seen:
+                    self.tracker.step_back(beat.session, key, number)
+
     def _judge(self, beat: Beat, *, look: bool = False) -> bool:
         """Compare a beat with what came; with look only say whether something is missing."""
         numbers = {key: number for key, number in beat.keys.items() if self._wanted(key)}
         out: list[Item] = []
         with self._work:
+            if not self.tracker.started(beat.session):
+                self._check_first(beat, numbers)
             tails = self.tracker.beat(beat, numbers)
             if look:
                 return bool(tails)
@@ -335,30 +390,37 @@ class Listener(Handover):
             self._inbox.put(out)
         return bool(tails)
 
-    def _alive_changed(self, key: str, there: bool) -> None:
-        with contextlib.suppress(keys.KeyFormatError, IndexError):
-            _, target, _, parts = keys.parse_verb_key(key)
-            session = parts[1]
-            tokens = self._tokens.setdefault(session, set())
-            if there:
-                tokens.add(key)
-                self._sessions[session] = target
-                return
-            tokens.discard(key)
-            if tokens:  # it lives on in another role: a logger that has stepped back
-                with self._work:
-                    if self._loggers.get(target) == session:
-                        del self._loggers[target]
-            elif session in self._sessions:
-                # The final beat comes through another queue: give it the time that tails get.
-                self._closed.wait(RECHECK_S)
-                with self._work:
-                    if session in self._final or not self.tracker.started(session):
-                        return
-                    self.counters.tails_unknown += 1
-                    if self._loggers.get(target) == session:
-                        del self._loggers[target]
-                self._inbox.put([TailUnknown(target, session)])
+    # Who is there: on threads of the bus.
+
+    def _came(self, who: Token) -> None:
+        self._sessions[who.session] = who.target
+        if who.role != "logger" or self._gone.pop(who.target, None) is None:
+            return
+        out: list[Item] = []
+        with self._work:
+            self._resync(who.target, out)
+        self._inbox.put([*out, LoggerBack(who.target, who.session)])
+
+    def _left(self, who: Token, gone: bool) -> None:
+        target, role, session = who
+        out: list[Item] = []
+        with self._work:
+            clean = session in self._final
+            if self._loggers.get(target) == session and not (gone and clean):
+                del self._loggers[target]
+            if gone and role == "logger":
+                self._gone[target] = session
+                out.append(LoggerGone(target, session, clean))
+                if not clean and self._table is not None:
+                    self._table.suspect(target)
+            if gone and not clean and self.tracker.started(session):
+                self.counters.tails_unknown += 1
+                out.append(TailUnknown(target, session))
+        if out:
+            self._inbox.put(out)
+
+    def _connected(self, there: bool) -> None:
+        self._inbox.put([BusBack() if there else BusLost()])
 
     # What the user asks of a listener; how items are handed over is in handover.py.
 
@@ -415,8 +477,7 @@ class Listener(Handover):
     def close(self, timeout_s: float = 2.0) -> bool:
         """Stop listening; what is queued can still be read. False when a thread did not end in time."""
         super().close()
-        for watch in self._watches:
-            watch.close()
+        self._attendance.close()
         for receiver in (*self._receivers, *self._beats):
             receiver.close()
         deadline = time.monotonic() + timeout_s

@@ -47,6 +47,29 @@ class TwoLoggers(msgspec.Struct, frozen=True):
     sessions: tuple[str, ...]
 
 
+class BusLost(msgspec.Struct, frozen=True):
+    """The connection to the router is lost. Nothing is known of anybody until BusBack; what was missed is repaired then."""
+
+
+class BusBack(msgspec.Struct, frozen=True):
+    """The connection to the router is there again."""
+
+
+class LoggerGone(msgspec.Struct, frozen=True):
+    """The logger of a target is gone, the bus is there. clean: it said its last word; else its raised alarms are suspect."""
+
+    target: str
+    session: str
+    clean: bool
+
+
+class LoggerBack(msgspec.Struct, frozen=True):
+    """A target has a logger again: another session, or the one that could not be reached."""
+
+    target: str
+    session: str
+
+
 class Heard(msgspec.Struct, frozen=True, gc=False):
     """An event with the bytes it came in and when it came (Unix ns): what a recorder wants."""
 
@@ -65,7 +88,9 @@ class Snapshot(msgspec.Struct, frozen=True):
     alarms: tuple[Alarm, ...]
 
 
-Notice: TypeAlias = Dropped | Gap | Rejected | TailUnknown | TwoLoggers
+Loss: TypeAlias = Dropped | Gap | Rejected | TailUnknown | TwoLoggers
+News: TypeAlias = BusLost | BusBack | LoggerGone | LoggerBack
+Notice: TypeAlias = Loss | News
 Item: TypeAlias = AnyEvent | Heard | Notice
 
 

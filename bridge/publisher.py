@@ -354,7 +354,10 @@ class Publisher:
             self._beats.put(msgspec.json.encode(self._numbers(final=final)))
 
     def _answer(self, question: Question) -> Iterator[Reply | Refusal]:
-        """The events of a Missing range, as payloads; without a payload how far it has numbered, as a Beat."""
+        """The events of a Missing range, as payloads; without a payload how far it has numbered, as a Beat.
+
+        The note beside a payload: up to which seq nothing is held any more, and the last number on the key.
+        """
         if not question.payload:
             yield Reply(msgspec.json.encode(self._numbers(numbered=True)))
             return
@@ -365,7 +368,8 @@ class Publisher:
             return
         with self._lock:
             found = self._kept.find(missing)
-            note = str(self._kept.evicted_seq).encode()
+            numbered = next((state.sent_key_seq for state in self._keys.values() if state.key == missing.key), 0)
+            note = b"%d %d" % (self._kept.evicted_seq, numbered)
         self.counters.repaired += len(found)
         for start in range(0, max(len(found), 1), REPLY_EVENTS):
             yield Reply(codec.join(found[start : start + REPLY_EVENTS], self._encoding), self._encoding, note)

@@ -21,8 +21,8 @@ from bridge.core.filters.text import to_text
 from bridge.edges.bus import Bus
 from bridge.edges.recording import About, Attachment, Compression, Gap, RecordingError, RecordingWriter, StateFrame, Totals
 from bridge.inbox import Dropped
+from bridge.listener import BusBack, BusLost, Heard, Item, Listener, LoggerBack, LoggerGone, Rejected, TailUnknown, TwoLoggers
 from bridge.listener import Gap as MissingHere
-from bridge.listener import Heard, Item, Listener, Rejected, TailUnknown, TwoLoggers
 
 QUEUE_EVENTS: Final = 1_000_000
 TRANSITION_FLUSH_S: Final = 0.005
@@ -154,8 +154,8 @@ class Recorder:
                 self._writer.add_rejected(key, "", raw, reason, self._clock())
             case TailUnknown(_, session):
                 self._silent.append(session)
-            case TwoLoggers():
-                pass  # both are heard and recorded, each under its session
+            case TwoLoggers() | BusLost() | BusBack() | LoggerGone() | LoggerBack():
+                pass  # no loss: what each sender sent is recorded under its session
             case _:
                 raise TypeError(f"{type(item).__name__} cannot be recorded")
         return False

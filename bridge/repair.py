@@ -6,6 +6,7 @@ Rule 2: no answer and a broken answer are the same here: nothing was found. The 
 
 import contextlib
 import time
+from typing import NamedTuple
 
 import msgspec
 
@@ -31,23 +32,36 @@ def elements_of(payload: bytes, encoding: str, decoded: codec.Decoded) -> dict[i
     }
 
 
-def ask_sender(bus: Bus, realm: str, target: str, missing: Missing, limits: Limits) -> tuple[dict[int, Heard], int | None]:
-    """What the sender still holds of a gap, by key_seq, and the seq up to which it holds nothing; None without an answer."""
-    found: dict[int, Heard] = {}
+class Held(NamedTuple):
+    """What a sender says about a gap: events by key_seq, the seq up to which it holds nothing, its last number on the key.
+
+    None: it did not tell. heard: somebody answered, if only that time was up.
+    """
+
+    found: dict[int, Heard]
     evicted: int | None = None
+    numbered: int | None = None
+    heard: bool = False
+
+
+def ask_sender(bus: Bus, realm: str, target: str, missing: Missing, limits: Limits) -> Held:
+    """What the sender still holds of a gap."""
+    held = Held({})
     key = keys.parse_event_key(missing.key)
     question = keys.verb_key(realm, target, "@sent", missing.session)
     for answer in bus.ask(question, msgspec.json.encode(missing), timeout_s=1.0):
+        held = held._replace(heard=True)
         if answer.error:
             continue
         with contextlib.suppress(codec.CodecError, ValueError):
-            evicted = int(answer.note)
+            evicted, *numbered = map(int, answer.note.split())
+            held = held._replace(evicted=evicted, numbered=numbered[0] if numbered else None)
             decoded = codec.decode(answer.payload, answer.encoding, key, limits)
             for heard in elements_of(answer.payload, answer.encoding, decoded).values():
                 event = heard.event
                 if event.session == missing.session and missing.first <= event.key_seq <= missing.last:
-                    found[event.key_seq] = heard
-    return found, evicted
+                    held.found[event.key_seq] = heard
+    return held
 
 
 def ask_log(bus: Bus, realm: str, target: str, missing: Missing) -> list[Heard]:

@@ -36,6 +36,7 @@ def listen(
     from bridge.core.events import Event
     from bridge.core.filters.text import to_text
     from bridge.listener import Listener
+    from bridge.notices import Loss
     from bridge.texts import Texts
 
     settings = common.load()
@@ -64,7 +65,7 @@ def listen(
                 view.print_item(item, as_json=common.json)
                 if isinstance(item, Event):
                     events += 1
-                else:
+                elif isinstance(item, Loss):
                     notices += 1
         except Interrupted:
             pass

@@ -250,6 +250,7 @@ def notice(item: "Item") -> tuple[str, dict[str, object]]:
     """What a listener says about what is missing or wrong: for people and for programs."""
     from bridge.inbox import Dropped
     from bridge.listener import Gap, Heard, Rejected, TailUnknown, TwoLoggers
+    from bridge.notices import BusBack, BusLost, LoggerBack, LoggerGone
 
     match item:
         case Gap(missing, reason):
@@ -267,6 +268,17 @@ def notice(item: "Item") -> tuple[str, dict[str, object]]:
         case TwoLoggers(target, sessions):
             facts = {"notice": "two_loggers", "target": target, "sessions": sessions}
             return f"two loggers of {target} answer: {', '.join(sessions)}", facts
+        case BusLost():
+            return "bus lost: the router does not answer", {"notice": "bus_lost"}
+        case BusBack():
+            return "bus back: the router answers again", {"notice": "bus_back"}
+        case LoggerGone(target, session, clean):
+            facts = {"notice": "logger_gone", "target": target, "session": session, "clean": clean}
+            how = "has stopped" if clean else "is gone without a last word, its raised alarms are suspect"
+            return f"logger gone: session {session} of {target} {how}", facts
+        case LoggerBack(target, session):
+            facts = {"notice": "logger_back", "target": target, "session": session}
+            return f"logger back: session {session} of {target}", facts
         case Event() | Heard():
             raise TypeError("an event is no notice")
         case _:

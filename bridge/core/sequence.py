@@ -124,6 +124,13 @@ class Tracker:
         place = (missing.session, missing.key)
         self._last[place] = max(self._last.get(place, 0), missing.last)
 
+    def step_back(self, session: str, key: str, number: int) -> None:
+        """Take `number` as the last one of a key: what was seen beyond it did not come from its sender."""
+        if number:
+            self._last[session, key] = number
+        else:
+            self._last.pop((session, key), None)
+
     def forget(self, session: str) -> None:
         """Drop everything about a session that is over."""
         self._started.pop(session, None)

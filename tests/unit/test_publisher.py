@@ -80,13 +80,13 @@ def test_what_was_sent_can_be_asked_for() -> None:
 
 
 def test_the_ring_forgets_the_oldest_and_says_so() -> None:
-    """Beyond ring_events an event can no longer be had; the note of an answer names the last seq forgotten."""
+    """Beyond ring_events an event can no longer be had; the note of an answer names the last seq forgotten and the last number."""
     with open_bus(ALONE) as bus, Publisher(bus, "plc1", ring_events=4) as publisher:
         sent = [publisher.send_message(CLASS, number, Severity.INFO) for number in range(10)]
         missing = Missing(publisher.session, keys.event_key("live", sent[0]), 1, 10)
         (answer,) = bus.ask(keys.verb_key("live", "plc1", "@sent", publisher.session), msgspec.json.encode(missing))
     assert codec.decode(answer.payload, answer.encoding).events == sent[6:]
-    assert answer.note == b"6"
+    assert answer.note == b"6 10"
 
 
 class _Stalled:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import msgspec
 import pytest
 
+from bridge.attendance import Token
 from bridge.core import keys
 from bridge.core.alarms import Alarm
 from bridge.core.events import Severity
@@ -114,9 +115,9 @@ def test_a_logger_that_steps_back_is_no_lost_end(bus: Bus) -> None:
         assert listener.wait_for_beat(logger.session)
         older = bus.alive(token_key("plc1", "live", "0000"))
         assert eventually(lambda: bool(logger.read_only))
-        reader = keys.verb_key("live", "plc1", "@alive", "reader", logger.session)
-        assert eventually(lambda: reader in listener._tokens.get(logger.session, ()))
-        listener._alive_changed(token_key("plc1", "live", logger.session), False)
+        reader = Token("plc1", "reader", logger.session)
+        assert eventually(lambda: reader in listener._attendance._there.get(logger.session, ()))
+        listener._attendance._token_changed(token_key("plc1", "live", logger.session), False)
         older.close()
         logger.close()
         assert listener.wait_for_final(logger.session)
