@@ -3,11 +3,12 @@
 Rule 1: a sender numbers its events 1, 2, ... per session and key, so a receiver of only some keys still sees each loss.
 Rule 2: an event whose number is at or below the last one is a duplicate, unless it fills a gap that is known.
 Rule 3: a beat says how far each key has come; what it names and nobody saw is a lost tail.
-Rule 4: the promise starts with the first beat. What a key had before that was never promised.
+Rule 4: the promise starts with the first beat. What a key had before that was never promised. For keys that a receiver
+        wants only from now on (join) it starts with the next beat.
 Rule 5: key_seq 0 is a sender that does not number: nothing can be said about it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import msgspec
 
@@ -47,6 +48,14 @@ class Beat(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     unsent: Count = 0
 
 
+class _Join(msgspec.Struct):
+    """Keys wanted from some moment on: which, of whom, and after which seq they are promised, once a beat has said it."""
+
+    fresh: Callable[[str], bool]
+    sessions: frozenset[str]
+    after: dict[str, int]
+
+
 class Tracker:
     """The last number seen per session and key."""
 
@@ -54,6 +63,7 @@ class Tracker:
         self._last: dict[tuple[str, str], int] = {}
         self._started: dict[str, int] = {}
         self._taken: set[tuple[str, str]] = set()
+        self._joins: list[_Join] = []
 
     def started(self, session: str) -> bool:
         """Whether a beat of this session has been seen, so that its losses are visible."""
@@ -61,6 +71,21 @@ class Tracker:
 
     def start(self, session: str) -> int | None:
         """After which seq of a session every event is promised: that of its first beat; None before it."""
+        return self._started.get(session)
+
+    def join(self, fresh: Callable[[str], bool]) -> None:
+        """The keys that `fresh` picks are wanted from now on and were not before: their promise starts with the next beat."""
+        for place in [place for place in self._last if fresh(place[1])]:
+            del self._last[place]
+            self._taken.discard(place)
+        self._joins = [join for join in self._joins if not join.sessions.isdisjoint(self._started)]
+        self._joins.append(_Join(fresh, frozenset(self._started), {}))
+
+    def _promised_after(self, session: str, key: str) -> int | None:
+        """After which seq the events of a key are promised; None before the beat that says it."""
+        for join in reversed(self._joins):
+            if session in join.sessions and join.fresh(key):
+                return join.after.get(session)
         return self._started.get(session)
 
     def last(self, session: str, key: str) -> int | None:
@@ -81,7 +106,7 @@ class Tracker:
                 return None
         if seen is None:
             self._last[place] = last
-            after = self._started.get(session)
+            after = self._promised_after(session, key)
             if after is None or first == 1:
                 return None
             return Missing(session, key, 1, first - 1, after)
@@ -104,20 +129,26 @@ class Tracker:
         keys = beat.keys if keys is None else keys
         if beat.session not in self._started:
             self._started[beat.session] = beat.seq
-            for key, number in keys.items():
-                if (beat.session, key) not in self._last:
-                    self._last[beat.session, key] = number
-                    self._taken.add((beat.session, key))
+            self._take(beat.session, keys)
             return []
+        for join in self._joins:
+            if beat.session in join.sessions and beat.session not in join.after:
+                join.after[beat.session] = beat.seq
+                self._take(beat.session, {key: number for key, number in keys.items() if join.fresh(key)})
         tails = []
-        start = self._started[beat.session]
         for key, number in keys.items():
             seen = self._last.get((beat.session, key))
             if seen is None:
-                tails.append(Missing(beat.session, key, 1, number, start))
+                tails.append(Missing(beat.session, key, 1, number, self._promised_after(beat.session, key) or 0))
             elif number > seen:
                 tails.append(Missing(beat.session, key, seen + 1, number))
         return tails
+
+    def _take(self, session: str, keys: Mapping[str, int]) -> None:
+        for key, number in keys.items():
+            if (session, key) not in self._last:
+                self._last[session, key] = number
+                self._taken.add((session, key))
 
     def pass_over(self, missing: Missing) -> None:
         """Take a range as dealt with: delivered by repair or reported."""

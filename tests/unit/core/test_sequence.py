@@ -152,3 +152,55 @@ def test_a_session_that_is_over_is_forgotten() -> None:
     assert tracker.started("s2")
     assert tracker.see("s1", KEY, 9, 9) is None
     assert tracker.see("s2", KEY, 4, 4) == Missing("s2", KEY, 3, 3)
+
+
+def test_keys_wanted_later_are_promised_from_the_next_beat() -> None:
+    """What the new key had before is not missing, neither as a gap before the beat nor as a tail in it; later losses are."""
+    tracker = Tracker()
+    tracker.beat(beat(20, key=10, other=7), {KEY: 10})
+    tracker.see("s1", KEY, 11, 11)
+    tracker.join(lambda key: key == OTHER)
+    assert tracker.see("s1", OTHER, 9, 9) is None
+    assert tracker.see("s1", OTHER, 11, 11) == Missing("s1", OTHER, 10, 10)
+    assert tracker.beat(beat(25, key=11, other=12)) == [Missing("s1", OTHER, 12, 12)]
+
+
+def test_keys_wanted_before_stay_promised_over_a_join() -> None:
+    """A loss on them is found, in an event and in a beat."""
+    tracker = Tracker()
+    tracker.beat(beat(20, key=10))
+    tracker.join(lambda key: key == OTHER)
+    assert tracker.see("s1", KEY, 13, 13) == Missing("s1", KEY, 11, 12)
+    assert tracker.beat(beat(26, key=15, other=4)) == [Missing("s1", KEY, 14, 15)]
+    assert tracker.last("s1", OTHER) == 4
+    assert not tracker.is_duplicate("s1", OTHER, 4)
+
+
+def test_an_idle_key_wanted_later_is_promised_after_the_beat_of_the_join() -> None:
+    """A beat names only keys of the last minute: a later event of another key misses what came after that beat, no more."""
+    tracker = Tracker()
+    tracker.beat(beat(20))
+    tracker.join(lambda key: key == OTHER)
+    tracker.beat(beat(30))
+    assert tracker.see("s1", OTHER, 501, 501) == Missing("s1", OTHER, 1, 500, after_seq=30)
+    assert tracker.see("s1", KEY, 3, 3) == Missing("s1", KEY, 1, 2, after_seq=20)
+
+
+def test_a_key_that_was_left_and_is_wanted_again_starts_anew() -> None:
+    """What it had meanwhile is not missing."""
+    tracker = Tracker()
+    tracker.beat(beat(20, key=10))
+    tracker.join(lambda key: key == OTHER)
+    tracker.beat(beat(22, other=1), {OTHER: 1})
+    tracker.join(lambda key: key == KEY)
+    assert tracker.beat(beat(90, key=70, other=1)) == []
+    assert tracker.beat(beat(91, key=71, other=1)) == [Missing("s1", KEY, 71, 71)]
+
+
+def test_a_session_that_starts_after_a_join_is_promised_as_any() -> None:
+    """Its first beat counts for all keys."""
+    tracker = Tracker()
+    tracker.beat(beat(20))
+    tracker.join(lambda key: key == OTHER)
+    assert tracker.beat(beat(5, session="s2", other=3)) == []
+    assert tracker.beat(beat(6, session="s2", other=4)) == [Missing("s2", OTHER, 4, 4)]
