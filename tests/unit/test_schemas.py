@@ -19,7 +19,16 @@ from bridge.core.filters.ast import Or as OrExpr
 from bridge.core.filters.fields import FIELDS, FLAGS
 from bridge.core.filters.predicate import compile_filter
 from bridge.core.filters.text import parse
-from bridge.core.questions import CommandAnswer, CommandQuestion, LogPart, LogQuestion, StatePart, Stored
+from bridge.core.questions import (
+    ClearLogAnswer,
+    ClearLogQuestion,
+    CommandAnswer,
+    CommandQuestion,
+    LogPart,
+    LogQuestion,
+    StatePart,
+    Stored,
+)
 from bridge.core.sequence import Beat, Missing
 from bridge.testing.builders import EVENT_CLASS, alarm_raised, message_sent
 from schemas import generate
@@ -216,6 +225,8 @@ SAMPLES: list[msgspec.Struct] = [
     CommandQuestion(id="1", command=Clear(key=KEY, reset_confirmation=True)),
     CommandQuestion(id="1", command=Confirm(key=KEY, operator="op")),
     CommandQuestion(id="1", command=Dispose(key=KEY, time_ns=1)),
+    ClearLogQuestion(id="1", which=LogQuestion(limit=1, sort="id", take_last=True, view="occurrences", lang="de")),
+    ClearLogAnswer(id="1", session="s", cleared=3),
     CommandAnswer(id="1", session="s", result=0xB7, alarm=ALARMS[0], created=True),
 ]
 

@@ -1,10 +1,13 @@
 """How the cache file is opened, and whose turn it is to use it.
 
-Rule 1: a file that is not ours, is damaged, newer than this program or in use is refused and never overwritten.
+Rule 1: a file that is not ours, is damaged, newer than this program or in use is refused and never overwritten. move_aside()
+renames one, and only when somebody asks for it.
 Rule 2: within a process a file is opened once, and only by SQLite: closing a second file handle would drop SQLite's lock.
 Rule 3: one connection; who uses it holds the turn, for one transaction or one page of rows.
 """
 
+import contextlib
+import itertools
 import os
 import sqlite3
 import stat
@@ -24,10 +27,13 @@ Parameter: TypeAlias = int | float | str | bytes
 
 
 class CacheError(RuntimeError):
-    """The cache cannot be opened, read or written; `path` says which, `reason` why, `code` is SQLite's name for it or ""."""
+    """The cache cannot be opened, read or written; `path` says which, `reason` why, `code` is SQLite's name for it or "".
 
-    def __init__(self, path: str, reason: str, code: str = "") -> None:
-        self.path, self.reason, self.code = path, reason, code
+    bad: the file is damaged or another program's, so that no later try will open it.
+    """
+
+    def __init__(self, path: str, reason: str, code: str = "", *, bad: bool = False) -> None:
+        self.path, self.reason, self.code, self.bad = path, reason, code, bad
         super().__init__(f"cache {path}: {reason}" + (f" ({code})" if code else ""))
 
 
@@ -53,9 +59,9 @@ def _look(path: str) -> bool:
     if not head:
         return True
     if len(head) < 100 or not head.startswith(_MAGIC):
-        raise CacheError(path, "is no cache: not an SQLite file")
+        raise CacheError(path, "is no cache: not an SQLite file", bad=True)
     if (found := int.from_bytes(head[68:72], "big")) != APPLICATION_ID:
-        raise CacheError(path, f"is no cache: an SQLite file of another program (application id {found:#x})")
+        raise CacheError(path, f"is no cache: an SQLite file of another program (application id {found:#x})", bad=True)
     return False
 
 
@@ -143,7 +149,7 @@ def _open(path: str) -> sqlite3.Connection:
         if name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
             raise CacheError(path, "is in use by another process", name) from None
         if name.startswith(("SQLITE_CORRUPT", "SQLITE_NOTADB")):
-            raise CacheError(path, f"is damaged: {error}", name) from None
+            raise CacheError(path, f"is damaged: {error}", name, bad=True) from None
         raise CacheError(path, f"cannot be opened: {error}", name) from None
     except BaseException:
         connection.close()
@@ -172,10 +178,26 @@ def _prepare(connection: sqlite3.Connection, path: str, new: bool) -> None:
         raise CacheError(path, f"was written by a newer program (version {version}, known are 1 to {VERSION})")
     (verdict,) = execute("PRAGMA quick_check(1)").fetchone()
     if verdict != "ok":
-        raise CacheError(path, f"is damaged: {verdict}")
+        raise CacheError(path, f"is damaged: {verdict}", bad=True)
     for number, script in enumerate(MIGRATIONS[version:], version + 1):
         connection.executescript(f"BEGIN IMMEDIATE; {script} PRAGMA user_version={number}; COMMIT;")
     execute("PRAGMA synchronous=NORMAL")
+
+
+def move_aside(path: str | Path) -> Path:
+    """Rename a bad cache file, with what SQLite keeps beside it, to a name that is free; the new name. OSError when it cannot.
+
+    The caller has seen a CacheError that says `bad`.
+    """
+    old = Path(path)
+    for number in itertools.count(1):
+        new = old.with_name(f"{old.name}.bad-{number}")
+        if not new.exists():
+            break
+    for suffix in ("-wal", "-shm", ""):
+        with contextlib.suppress(FileNotFoundError):
+            Path(f"{old}{suffix}").rename(f"{new}{suffix}")
+    return new
 
 
 def used_bytes(connection: sqlite3.Connection) -> int:

@@ -4,23 +4,36 @@ Rule 1: reading sees what is committed. A query does not see rows that arrived a
 Rule 2: rows come in pages of 1,000, each found by where the last one ended; nothing is held between two pages.
 Rule 3: SQL may let too much through, then the predicate has the last word, and LIMIT and OFFSET are counted in Python. Rows
 with inexact_text are always judged by the predicate.
+Rule 4: an occurrence is the newest row of an alarm's life, and each message.
+Rule 5: what SQL cannot sort is sorted here, with a bound: a page of the sorted rows of any number, or all of SORT_ROWS at most.
 """
 
-from collections.abc import Iterator
+import heapq
+from array import array
+from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
 from typing import Final, TypeAlias
 
 import msgspec
 
+from bridge.core.event_fields import FIELD_ROWS
 from bridge.core.filters.ast import Everything, Expr
 from bridge.core.filters.sql import sql
+from bridge.core.hresult import ADS_E_NOMEMORY, AdsError
 from bridge.core.keys import EventKey
 from bridge.edges.cache.file import CacheError, CacheFile, Parameter, used_bytes
 from bridge.edges.cache.residual import RowPredicate, row_predicate
 from bridge.edges.cache.rows import EVENT_COLUMNS, RowError, StoredAlarm, StoredEvent, read_alarm, read_event
 
 PAGE: Final = 1_000
+SORT_ROWS: Final = 200_000
+"""How many rows are sorted in memory: their sort keys and numbers, some 30 MB."""
 _SELECT: Final = "SELECT id, unique_id, arrival_ns, body, inexact_text"
-_SORTABLE: Final = ("id", *EVENT_COLUMNS[:-2])
+_SORTABLE: Final = ("id", *EVENT_COLUMNS[:-2], *(row.sql for row in FIELD_ROWS.values() if row.sql))
+_OCCURRENCES: Final = (
+    " AND (is_alarm = 0 OR NOT EXISTS (SELECT 1 FROM events AS later "
+    "WHERE later.is_alarm = 1 AND later.unique_id = events.unique_id AND later.id > events.id AND later.id <= ?))"
+)
 _Row: TypeAlias = tuple[int, int, int, bytes, int, Parameter]
 
 
@@ -44,6 +57,8 @@ class _Question(msgspec.Struct, frozen=True):
     matches: RowPredicate
     first: int
     last: int
+    also: str = ""
+    also_parameters: tuple[Parameter, ...] = ()
 
 
 class Queries:
@@ -62,26 +77,75 @@ class Queries:
         order: str = "id",
         after: int | None = None,
         before: int | None = None,
+        take_last: bool = False,
+        occurrences: bool = False,
     ) -> Iterator[StoredEvent]:
         """The events a filter wants, in order of arrival or of another column, as they were when this was called.
 
-        after and before are rows (excluded). A filter must have its class names resolved. ValueError for an order that is no
-        column; CacheError when closed or damaged.
+        after and before are rows (excluded). limit and offset count from the first row in that order, with take_last from the
+        last. occurrences: one row per alarm life. A filter must have its class names resolved. ValueError for an order that is
+        no column; CacheError when closed or damaged.
         """
         if order not in _SORTABLE:
             raise ValueError(f"{order!r} is no column to sort by; expected one of {', '.join(_SORTABLE)}")
         if offset < 0 or (limit is not None and limit < 0):
             raise ValueError(f"limit {limit} and offset {offset} must not be negative")
-        return self._pages(self._ask(filter, after, before), limit, offset, order, newest_first)
+        question = self._ask(filter, after, before, occurrences)
+        if take_last:
+            left = max(0, self._count(question) - offset)
+            limit, offset = (left, 0) if limit is None else (min(limit, left), max(0, left - limit))
+        return self._pages(question, limit, offset, order, newest_first)
 
-    def count(self, filter: Expr | None = None) -> int:
+    def query_by(
+        self,
+        key: Callable[[StoredEvent], str],
+        filter: Expr | None = None,
+        *,
+        limit: int | None = None,
+        offset: int = 0,
+        largest_first: bool = False,
+        take_last: bool = False,
+        occurrences: bool = False,
+    ) -> Iterator[StoredEvent]:
+        """As query(), in the order of a text that only Python knows; equal texts by arrival, in the same direction.
+
+        AdsError ADS_E_NOMEMORY when more than SORT_ROWS would have to be kept: limit and offset together, or all without limit.
+        """
+        question = self._ask(filter, occurrences=occurrences)
+        keyed = ((key(found), found.row) for found in self._pages(question, None, 0))
+        backwards = largest_first != take_last
+        if limit is not None and limit + offset <= SORT_ROWS:
+            pick = heapq.nlargest if backwards else heapq.nsmallest
+            picked = pick(limit + offset, keyed)[offset:]
+        else:
+            picked = list(islice(keyed, SORT_ROWS + 1))
+            if len(picked) > SORT_ROWS:
+                raise AdsError(ADS_E_NOMEMORY, f"more than {SORT_ROWS} events to sort by a text; a limit or a filter helps")
+            picked.sort(reverse=backwards)
+            picked = picked[offset : None if limit is None else offset + limit]
+        if take_last:
+            picked.reverse()
+        return self._rows(array("q", (row for _, row in picked)))
+
+    def _rows(self, rows: Sequence[int]) -> Iterator[StoredEvent]:
+        for start in range(0, len(rows), PAGE):
+            page = rows[start : start + PAGE]
+            marks = ", ".join("?" * len(page))
+            found = {row[0]: row for row in self._file.read(f"{_SELECT}, id FROM events WHERE id IN ({marks})", page)}
+            for number in page:
+                if number in found:
+                    yield self._event(found[number])
+
+    def count(self, filter: Expr | None = None, *, occurrences: bool = False) -> int:
         """How many events a filter wants."""
-        question = self._ask(filter)
+        return self._count(self._ask(filter, occurrences=occurrences))
+
+    def _count(self, question: _Question) -> int:
         if not question.exact:
             return sum(1 for _ in self._pages(question, None, 0))
         ((number,),) = self._file.read(
-            f"SELECT count(*) FROM events WHERE {question.where} AND NOT inexact_text AND id BETWEEN ? AND ?",
-            (*question.parameters, question.first, question.last),
+            f"SELECT count(*) FROM events WHERE {question.where} AND NOT inexact_text AND id BETWEEN ? AND ?{question.also}",
+            (*question.parameters, question.first, question.last, *question.also_parameters),
         )
         if question.inexact_rows:
             only = msgspec.structs.replace(question, where="inexact_text", parameters=())
@@ -140,7 +204,7 @@ class Queries:
         try:
             return [StoredAlarm(unique_id, read_alarm(body)) for unique_id, body in rows]
         except RowError as error:
-            raise CacheError(self._file.path, f"holds {error}") from None
+            raise CacheError(self._file.path, f"holds {error}", bad=True) from None
 
     def meta(self) -> dict[str, str]:
         """The facts kept by name."""
@@ -151,7 +215,9 @@ class Queries:
         with self._file.turn() as connection:
             return used_bytes(connection)
 
-    def _ask(self, filter: Expr | None, after: int | None = None, before: int | None = None) -> _Question:
+    def _ask(
+        self, filter: Expr | None, after: int | None = None, before: int | None = None, occurrences: bool = False
+    ) -> _Question:
         expr = Everything() if filter is None else filter
         answer = sql(expr)
         ((newest, inexact),) = self._file.read(
@@ -165,6 +231,8 @@ class Queries:
             matches=row_predicate(expr),
             first=0 if after is None else after + 1,
             last=newest if before is None else min(newest, before - 1),
+            also=_OCCURRENCES if occurrences else "",
+            also_parameters=(newest,) if occurrences else (),
         )
 
     def _pages(
@@ -179,9 +247,9 @@ class Queries:
         while left is None or left > 0:
             page = min(PAGE, left) if in_sql and left is not None else PAGE
             rows: list[_Row] = self._file.read(
-                f"{_SELECT}, {order} FROM events WHERE {question.where} AND {id_range} {place}"
+                f"{_SELECT}, {order} FROM events WHERE {question.where} AND {id_range}{question.also} {place}"
                 f"ORDER BY {order} {direction}, id {direction} LIMIT ? OFFSET ?",
-                (*question.parameters, first, last, *place_values, page, skip_in_sql),
+                (*question.parameters, first, last, *question.also_parameters, *place_values, page, skip_in_sql),
             )
             for row in rows:
                 found = self._event(row)

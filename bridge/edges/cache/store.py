@@ -4,7 +4,8 @@ Rule 1: a StoreBatch is committed whole or not at all, batches in the order of a
 Rule 2: nothing is dropped silently. While a write fails the rows wait, `error` says why, append() and flush() raise it, and
 the writer tries again each second when it was the disk that was full. What close() could not write it returns as a number.
 Rule 3: reading sees what is committed; flush() first to see what was just appended.
-Rule 4: when the file holds more than max_bytes the older half of the events goes. Alarm states never go.
+Rule 4: when the file holds more than max_bytes, or more than max_events, the older half of the events goes; with max_age_s the
+oldest go as far as they arrived longer ago. Alarm states never go. What went is told (on_dropped) and counted in `meta`.
 
 Synchronous is NORMAL: a killed process loses nothing that was flushed, a power cut may lose the last transactions.
 flush(durable=True) and append(durable=True) are for state that must survive the power cut too (synchronous FULL).
@@ -12,12 +13,13 @@ flush(durable=True) and append(durable=True) are for state that must survive the
 
 import sqlite3
 import threading
+import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Final, Self, TypeAlias
+from typing import Final, Literal, Self, TypeAlias
 
 import msgspec
 
@@ -36,6 +38,7 @@ from bridge.edges.cache.rows import (
 
 TRANSACTION_ROWS: Final = 1_000
 MIN_BYTES: Final = 256 * 1024
+MIN_EVENTS: Final = 2
 _RETRY_S: Final = 1.0
 _ROOM_S: Final = 10.0
 _RETRIED: Final = ("SQLITE_FULL", "SQLITE_IOERR_WRITE")
@@ -51,7 +54,8 @@ _COUNT_META: Final = (
     "INSERT INTO meta (name, value) VALUES (?, ?) "
     "ON CONFLICT (name) DO UPDATE SET value = CAST(value AS INTEGER) + CAST(excluded.value AS INTEGER)"
 )
-_DROP_HALF: Final = "DELETE FROM events WHERE id <= (SELECT id FROM events ORDER BY id LIMIT 1 OFFSET ?)"
+_AGE_STEP_S: Final = 60.0
+_FORGET_ROWS: Final = 5_000
 
 _AlarmRows: TypeAlias = dict[bytes, AlarmRow | None]
 
@@ -64,6 +68,14 @@ class CacheCounts(msgspec.Struct, frozen=True):
     dropped: int = 0
     pending: int = 0
     refused: int = 0
+
+
+class Drop(msgspec.Struct, frozen=True):
+    """The oldest `count` events were dropped, and which limit made it so. quiet: they were all of quiet_class."""
+
+    count: int
+    reason: Literal["max_bytes", "max_events", "max_age"]
+    quiet: bool = False
 
 
 class _Prepared(msgspec.Struct, frozen=True):
@@ -124,20 +136,44 @@ def _synced(connection: sqlite3.Connection) -> Iterator[None]:
         connection.execute("PRAGMA synchronous=NORMAL")
 
 
-def _drop_half(connection: sqlite3.Connection) -> int:
-    ((count,),) = connection.execute("SELECT count(*) FROM events").fetchall()
-    half = (int(count) + 1) // 2
-    if half:
-        with _transaction(connection):
-            connection.execute(_DROP_HALF, (half - 1,))
-            connection.execute(_COUNT_META, ("dropped_events", str(half)))
-    return half
+def _number(connection: sqlite3.Connection, text: str, *values: int) -> int | None:
+    """The one integer that a SELECT finds; None for none."""
+    row = connection.execute(text, values).fetchone()
+    return None if row is None or row[0] is None else int(row[0])
+
+
+def _half(connection: sqlite3.Connection) -> int | None:
+    count = _number(connection, "SELECT count(*) FROM events") or 0
+    return _number(connection, "SELECT id FROM events ORDER BY id LIMIT 1 OFFSET ?", (count - 1) // 2) if count else None
+
+
+def _holds_more(connection: sqlite3.Connection, events: int) -> bool:
+    """Whether there are more. Rows are numbered, so that they need counting only when some between were cleared."""
+    first, last = _number(connection, "SELECT min(id) FROM events"), _number(connection, "SELECT max(id) FROM events")
+    if first is None or last is None or last - first < events:
+        return False
+    return (_number(connection, "SELECT count(*) FROM events") or 0) > events
+
+
+def _last_before(connection: sqlite3.Connection, arrival_ns: int) -> int | None:
+    """The last of the oldest events that arrived before; one that arrived later keeps all behind it, whatever the clock did."""
+    kept = _number(connection, "SELECT id FROM events WHERE arrival_ns >= ? ORDER BY id LIMIT 1", arrival_ns)
+    if kept is None:
+        return _number(connection, "SELECT max(id) FROM events")
+    return _number(connection, "SELECT max(id) FROM events WHERE id < ?", kept)
+
+
+def steady_clock() -> Callable[[], int]:
+    """Unix ns that do not jump with the wall clock: its time now, and what has passed since."""
+    ahead_ns = time.time_ns() - time.monotonic_ns()
+    return lambda: time.monotonic_ns() + ahead_ns
 
 
 class Cache(Queries):
     """Events and alarm states of a logger, in a file or in ":memory:". A context manager; safe to use from any thread.
 
-    max_bytes: what the file may hold before the older half of the events is dropped; on_dropped is then told how many, on the
+    max_bytes, max_events: what the file may hold before the older half of the events is dropped; max_age_s: how long an event
+    is kept after it arrived, by `clock` (Unix ns; one that does not jump unless told otherwise). on_dropped is told, on the
     writer's thread. CacheError when the file is not ours, damaged, newer or in use.
     """
 
@@ -146,14 +182,23 @@ class Cache(Queries):
         path: str | Path = ":memory:",
         *,
         max_bytes: int = 20_000_000,
-        on_dropped: Callable[[int], None] | None = None,
+        max_events: int | None = None,
+        max_age_s: float | None = None,
+        on_dropped: Callable[[Drop], None] | None = None,
+        quiet_class: str = "",
         max_pending: int = 100_000,
+        clock: Callable[[], int] | None = None,
     ) -> None:
         if max_bytes < MIN_BYTES:
             raise ValueError(f"max_bytes {max_bytes} is below {MIN_BYTES}")
+        if max_events is not None and max_events < MIN_EVENTS:
+            raise ValueError(f"max_events {max_events} is below {MIN_EVENTS}")
+        if max_age_s is not None and not max_age_s > 0:
+            raise ValueError(f"max_age_s {max_age_s} is not above 0")
         self.path = str(path)
-        self.max_bytes = max_bytes
-        self._on_dropped = on_dropped
+        self.max_bytes, self.max_events, self.max_age_s = max_bytes, max_events, max_age_s
+        self.on_dropped, self.quiet_class = on_dropped, quiet_class
+        self._clock = steady_clock() if clock is None else clock
         self._max_pending = max_pending
         super().__init__(open_file(self.path))
         self._change = threading.Condition()  # guards everything below
@@ -243,8 +288,9 @@ class Cache(Queries):
         try:
             while self._wait_for_work():
                 try:
-                    self._write_some()
-                    self._keep_size()
+                    if self._has_work:
+                        self._write_some()
+                    self._keep_limits()
                     self._succeeded()
                 except sqlite3.Error as error:
                     if not self._failed(error):
@@ -260,9 +306,10 @@ class Cache(Queries):
                 self._change.notify_all()
 
     def _wait_for_work(self) -> bool:
-        """Wait until there is something to write; False when the cache is closing and nothing is left."""
+        """Wait until there is something to write or to drop; False when the cache is closing and nothing is left."""
+        step_s = None if self.max_age_s is None else min(_AGE_STEP_S, self.max_age_s / 10)
         with self._change:
-            self._change.wait_for(lambda: self._has_work or self._error is not None or self._closing)
+            self._change.wait_for(lambda: self._has_work or self._error is not None or self._closing, step_s)
             return self._has_work or not self._closing
 
     @property
@@ -315,16 +362,65 @@ class Cache(Queries):
                 self._durable = last
             self._change.notify_all()
 
-    def _keep_size(self) -> None:
+    def _keep_limits(self) -> None:
         while True:
             with self._file.turn() as connection:
-                dropped = _drop_half(connection) if used_bytes(connection) > self.max_bytes else 0
-            if not dropped:
+                drop = self._drop_some(connection)
+            if drop is None:
                 return
             with self._change:
-                self._dropped += dropped
-            if self._on_dropped is not None:
-                self._on_dropped(dropped)
+                self._dropped += drop.count
+            if self.on_dropped is not None:
+                self.on_dropped(drop)
+
+    def _drop_some(self, connection: sqlite3.Connection) -> Drop | None:
+        """Drop what is over a limit; None when nothing is."""
+        reason: Literal["max_bytes", "max_events", "max_age"]
+        if used_bytes(connection) > self.max_bytes:
+            reason, last = "max_bytes", _half(connection)
+        elif self.max_events is not None and _holds_more(connection, self.max_events):
+            reason, last = "max_events", _half(connection)
+        elif self.max_age_s is not None:
+            reason, last = "max_age", _last_before(connection, self._clock() - int(self.max_age_s * 1e9))
+        else:
+            return None
+        if last is None:
+            return None
+        text = "SELECT EXISTS (SELECT 1 FROM events WHERE id <= ? AND event_class <> ?)"
+        (loud,) = connection.execute(text, (last, self.quiet_class)).fetchone()
+        with _transaction(connection):
+            count = connection.execute("DELETE FROM events WHERE id <= ?", (last,)).rowcount
+            connection.execute(_COUNT_META, ("dropped_events", str(count)))
+        return Drop(count, reason, quiet=not loud)
+
+    # -- forgetting on demand --------------------------------------------------------------------------------------------
+
+    def forget(self, rows: Sequence[int] | None = None, lives: Sequence[int] = ()) -> int:
+        """Delete events: these rows and all transitions of these lives (unique ids), or with None every committed event.
+
+        How many went; alarm states stay. Others read and write in between, so a kill leaves the first part deleted.
+        CacheError when it cannot be done.
+        """
+        newest = self._file.read("SELECT coalesce(max(id), 0) FROM events")[0][0]
+        if rows is None:
+            return self._forget("id IN (SELECT id FROM events WHERE id <= ? LIMIT ?)", [(newest, _FORGET_ROWS)], repeat=True)
+        gone = self._forget("id = ?", [(row,) for row in rows])
+        return gone + self._forget("is_alarm = 1 AND unique_id = ? AND id <= ?", [(life, newest) for life in lives])
+
+    def _forget(self, where: str, values: Sequence[tuple[int, ...]], *, repeat: bool = False) -> int:
+        gone, start = 0, 0
+        while start < len(values):
+            page = values[start : start + _FORGET_ROWS]
+            with self._file.turn() as connection:
+                try:
+                    with _transaction(connection):
+                        count = connection.executemany(f"DELETE FROM events WHERE {where}", page).rowcount
+                except sqlite3.Error as error:
+                    raise cache_error(self.path, error) from None
+            gone += count
+            if not (repeat and count):
+                start += len(page)
+        return gone
 
     # -- closing ---------------------------------------------------------------------------------------------------------
 

@@ -12,7 +12,7 @@ import pytest
 
 from bridge.core.codec import encode
 from bridge.core.events import AnyEvent
-from bridge.edges.cache import Cache, CacheCounts, CacheError, RowError, StoreBatch, Stored
+from bridge.edges.cache import Cache, CacheCounts, CacheError, Drop, RowError, StoreBatch, Stored
 from bridge.edges.cache import store as store_module
 from bridge.testing.builders import TIME_NS, alarm_raised, message_sent
 from tests.unit.edges.cache_stories import NASTY_TEXTS, alarm, events_of, ids_of, message, messages, one_of_each_kind, stored
@@ -171,7 +171,7 @@ def test_state_that_must_survive_a_power_cut_is_synced(cache: Cache) -> None:
 
 def test_the_older_half_is_dropped_when_the_file_is_full(tmp_path: Path) -> None:
     """Used bytes stay under the maximum plus one batch, the newest half is whole, alarms stay, the number is told and kept."""
-    told: list[int] = []
+    told: list[Drop] = []
     limit = 400_000
     with Cache(tmp_path / "cache.db", max_bytes=limit, on_dropped=told.append) as cache:
         cache.append(StoreBatch(alarms=(alarm(1), alarm(2)), meta={"session": "s1"}))
@@ -185,7 +185,7 @@ def test_the_older_half_is_dropped_when_the_file_is_full(tmp_path: Path) -> None
         assert most < limit + 130_000
         assert kept == list(range(kept[0], 3_001))
         assert len(kept) > 300
-        assert kept[0] - 1 == sum(told) == cache.counts.dropped == int(cache.meta()["dropped_events"])
+        assert kept[0] - 1 == sum(drop.count for drop in told) == cache.counts.dropped == int(cache.meta()["dropped_events"])
         assert cache.load_alarms() == [alarm(1), alarm(2)]
         assert cache.meta()["session"] == "s1"
 
@@ -208,8 +208,9 @@ def test_the_report_of_a_drop_can_be_an_event(tmp_path: Path) -> None:
     """on_dropped runs on the writer's thread and may append, even while the queue is full."""
     reports = iter(range(1, 1_000))
 
-    def report(count: int) -> None:
-        made.append(StoreBatch(stored([message_sent(event_id=99, session="r", seq=next(reports), json_attribute=str(count))])))
+    def report(drop: Drop) -> None:
+        text = str(drop.count)
+        made.append(StoreBatch(stored([message_sent(event_id=99, session="r", seq=next(reports), json_attribute=text)])))
 
     with Cache(max_bytes=store_module.MIN_BYTES, on_dropped=report, max_pending=200) as made:
         for n in range(1, 5_000, 100):
@@ -222,7 +223,7 @@ def test_the_report_of_a_drop_can_be_an_event(tmp_path: Path) -> None:
 def test_a_writer_that_breaks_is_heard(tmp_path: Path) -> None:
     """An unforeseen exception on the writer's thread: each later call says so, and nothing waits for ever."""
 
-    def broken(_: int) -> None:
+    def broken(_: Drop) -> None:
         raise ZeroDivisionError("a fault of ours")
 
     cache = Cache(tmp_path / "cache.db", max_bytes=store_module.MIN_BYTES, on_dropped=broken)
