@@ -168,6 +168,17 @@ def language_tag(lcid: int) -> str:
     return _TAGS.get(lcid, str(lcid))
 
 
+def exact_tag(lcid: int) -> str:
+    """The tag that exact_language() reads back as this LCID, or its number as text: for files."""
+    tag = language_tag(lcid)
+    return tag if _LCIDS.get(tag.lower()) == lcid else str(lcid)
+
+
+def exact_language(text: str) -> int:
+    """As language_id(), but a number is any LCID from 0, and itself. LanguageError."""
+    return int(text) if text.isascii() and text.isdecimal() and len(text) <= 10 and int(text) < 2**32 else language_id(text)
+
+
 def _known_language(language: Language) -> int:
     try:
         return language_id(language)

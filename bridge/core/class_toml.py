@@ -18,7 +18,7 @@ from typing import Annotated, Final, TypeAlias
 
 import msgspec
 
-from bridge.core.catalog import CauseRemedy, Detail, EventClass, EventEntry, language_id, language_tag
+from bridge.core.catalog import CauseRemedy, Detail, EventClass, EventEntry, exact_language, exact_tag
 from bridge.core.definitions import content_guid, define_class, published_as
 from bridge.core.events import Severity
 from bridge.core.tmc import Problem, ReadResult, TmcError
@@ -247,7 +247,7 @@ def _translate(texts: dict[str, dict[int, str]], text: str, table: Mapping[str, 
     known = texts.setdefault(text, {})
     for language, translated in table.items():
         try:
-            lcid = int(language) if re.fullmatch("[0-9]{1,10}", language) else language_id(language)
+            lcid = exact_language(language)
         except ValueError as error:
             raise _Fault((*path, language), str(error)) from None
         if known.setdefault(lcid, translated) != translated:
@@ -278,6 +278,7 @@ class _Lines:
                 for position, name in enumerate(names, 1):
                     table = (*table, name)
                     if position == len(names) and header[1] == "[[":
+                        self._places.setdefault(table, number)
                         counts[table] = counts.get(table, -1) + 1
                     if table in counts:
                         table = (*table, counts[table])
@@ -310,12 +311,7 @@ def _inline(table: Mapping[str, str]) -> str:
 
 
 def _languages(table: Mapping[int, str]) -> str:
-    return _inline({_language(lcid): text for lcid, text in table.items()})
-
-
-def _language(lcid: int) -> str:
-    tag = language_tag(lcid)
-    return tag if language_id(tag) == lcid else str(lcid)
+    return _inline({exact_tag(lcid): text for lcid, text in table.items()})
 
 
 def _optional(**texts: str) -> Iterator[str]:

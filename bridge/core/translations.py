@@ -18,7 +18,7 @@ from typing import Final, TypeAlias
 import msgspec
 
 from bridge.core.arguments import guid
-from bridge.core.catalog import EventClass, LanguageError, language_id, language_tag
+from bridge.core.catalog import EventClass, LanguageError, exact_language, exact_tag, language_tag
 from bridge.core.tmc import TmcError, read_translations
 from bridge.core.tmc_writer import document, translations_element
 
@@ -136,7 +136,7 @@ def write_csv(table: Table, classes: Iterable[EventClass] = ()) -> bytes:
     lcids = sorted({lcid for texts in table.values() for given in texts.values() for lcid in given})
     stream = io.StringIO(newline="")
     writer = csv.writer(stream)
-    writer.writerow((*_HEAD, *map(_column, lcids)))
+    writer.writerow((*_HEAD, *map(exact_tag, lcids)))
     for event_class, texts in table.items():
         for text, given in texts.items():
             writer.writerow((names.get(event_class, ""), event_class, text, *(given.get(lcid, "") for lcid in lcids)))
@@ -167,18 +167,13 @@ def read_csv(data: bytes, name: str = "") -> Table:
     return table
 
 
-def _column(lcid: int) -> str:
-    tag = language_tag(lcid)
-    return tag if tag != str(lcid) and language_id(tag) == lcid else str(lcid)
-
-
 def _languages(header: Sequence[str]) -> tuple[int, ...]:
     if tuple(each.strip().lower() for each in header[: len(_HEAD)]) != _HEAD:
         raise ValueError(f"the header begins with {','.join(header[:3])[:80]!r}; expected {','.join(_HEAD)} and languages")
     lcids: list[int] = []
     for tag in header[len(_HEAD) :]:
         try:
-            lcid = int(tag) if tag.isascii() and tag.isdecimal() and len(tag) <= 10 else language_id(tag)
+            lcid = exact_language(tag)
         except LanguageError as error:
             raise ValueError(f"column {len(lcids) + len(_HEAD) + 1}: {error}") from None
         if lcid in lcids:

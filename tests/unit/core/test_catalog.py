@@ -9,11 +9,15 @@ import pytest
 from bridge.core.arguments import Argument, ArgumentType, EventReference, Value
 from bridge.core.catalog import (
     Catalog,
+    CauseRemedy,
     ClassNameError,
+    Detail,
     EventClass,
     EventEntry,
     Language,
     LanguageError,
+    exact_language,
+    exact_tag,
     language_id,
     language_tag,
 )
@@ -300,7 +304,59 @@ def test_languages_by_number_and_tag() -> None:
             language_id(unknown)
 
 
+def test_a_file_keeps_the_exact_lcid() -> None:
+    """A tag where it stands for just this LCID, else the number; a number is not turned into another one."""
+    for lcid in (1031, 1033, 2057, 7, 0, 99999, 2**32 - 1, *range(1025, 1200)):
+        assert exact_language(exact_tag(lcid)) == lcid
+    assert [exact_tag(lcid) for lcid in (1031, 7, 0)] == ["de-DE", "7", "0"]
+    assert exact_language("de") == 1031
+    for unknown in ("klingon", str(2**32), "-1", ""):
+        with pytest.raises(LanguageError):
+            exact_language(unknown)
+
+
 def test_entries_survive_a_process_boundary() -> None:
     """A class pickles, so that a program can hand it to its workers."""
     found = event_class(PUMP, "Pump", "x", hides=(OLD,), translations={"x": {1031: "y"}})
     assert pickle.loads(pickle.dumps(found)) == found
+
+
+# HELP AND SOURCES -------------------------------------------------------------------------------------------------------------
+
+
+def test_causes_and_details_in_the_asked_language() -> None:
+    """Each text is translated on its own and falls back like a display text; who has none has none."""
+    entry = EventEntry(
+        7,
+        "Stuck",
+        Severity.ERROR,
+        causes=(CauseRemedy(1, "Dirt", "Clean it"), CauseRemedy(2, "K_Fuse")),
+        details=(Detail("Wiring", "Sheet 3", "see {0}"),),
+    )
+    german = {"Dirt": {1031: "Schmutz"}, "Clean it": {1031: "Reinigen"}, "K_Fuse": {1033: "Fuse"}, "Sheet 3": {1031: "Blatt 3"}}
+    catalog = Catalog([EventClass(PUMP, "Pump", events={7: entry}, translations=german)])
+    assert catalog.causes(PUMP, 7, "de") == (CauseRemedy(1, "Schmutz", "Reinigen"), CauseRemedy(2, "Fuse"))
+    assert catalog.causes(PUMP.upper(), 7) == (CauseRemedy(1, "Dirt", "Clean it"), CauseRemedy(2, "Fuse"))
+    assert catalog.details(PUMP, 7, 1031) == (Detail("Wiring", "Blatt 3", "see {0}"),)
+    assert catalog.details(PUMP, 7, "klingon") == entry.details
+    for guid, number in ((PUMP, 8), (VALVE, 7), ("nonsense", 7)):
+        assert catalog.causes(guid, number) == ()
+        assert catalog.details(guid, number) == ()
+
+
+def test_a_source_name_is_translated_by_the_class_of_its_guid() -> None:
+    """4026: the source GUID names a class whose display texts are the source names."""
+    names = event_class(OLD, "Sources", "Main.Pump", translations={"Main.Pump": {1031: "Hauptpumpe"}})
+    catalog = Catalog([names])
+    assert catalog.source_name("Main.Pump", OLD.upper(), "de") == "Hauptpumpe"
+    assert catalog.source_name("Main.Pump", OLD) == "Main.Pump"
+    for name, guid in (("Main.Pump", PUMP), ("Main.Pump", None), ("Main.Pump", "x"), ("Main.Other", OLD)):
+        assert catalog.source_name(name, guid, "de") == name
+    assert [catalog.source_name(name, OLD, "de") for name in (None, "")] == ["", ""]
+
+
+def test_every_text_that_can_be_translated_is_listed_once() -> None:
+    """Display texts, comments, causes, remedies and details; no empty ones."""
+    first = EventEntry(1, "A", Severity.INFO, "text", "note", (CauseRemedy(1, "why", "text"),), (Detail("name", "more", ""),))
+    found = EventClass(PUMP, "Pump", "Pumps", {1: first, 2: EventEntry(2, "B", Severity.INFO, "text")}, comment="Pumps")
+    assert found.texts() == ("Pumps", "text", "note", "why", "name", "more")

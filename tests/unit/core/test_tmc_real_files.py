@@ -8,10 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from bridge.core import class_toml
 from bridge.core.arguments import Argument, EventReference
 from bridge.core.catalog import Catalog
 from bridge.core.events import AlarmRaised, Severity
 from bridge.core.tmc import TmcError, read_classes
+from bridge.core.tmc_writer import write_classes
 from bridge.edges.class_files import load_catalog
 
 SHARED = Path(os.environ.get("TCBRIDGE_SHARED", Path(__file__).parents[3].parent / "shared"))
@@ -60,6 +62,29 @@ def test_a_file_has_its_classes_and_events(name: str) -> None:
         assert found.display_text
         assert all(key == entry.id and entry.name and entry.display_text for key, entry in found.events.items())
     assert counts == COUNTS[name]
+
+
+@pytest.mark.parametrize("name", COUNTS)
+def test_each_class_is_equal_after_a_round_trip(name: str) -> None:
+    """Written and read again, as TMC and as TOML; also alone, without the others of its file."""
+    classes = read_classes((FOLDER / name).read_bytes(), name).classes
+    assert read_classes(write_classes(classes)).classes == classes
+    assert class_toml.read_classes(class_toml.write_classes(classes)).classes == classes
+    for found in classes:
+        assert read_classes(write_classes([found])).classes == (found,)
+        assert class_toml.read_classes(class_toml.write_classes([found])).classes == (found,)
+
+
+@pytest.mark.parametrize("name", COUNTS)
+def test_each_class_says_where_it_stands(name: str) -> None:
+    """The line of a class and of each of its events holds the start of their elements."""
+    data = (FOLDER / name).read_bytes()
+    lines = data.decode("utf-8-sig").splitlines()
+    result = read_classes(data, name)
+    for found in result.classes:
+        assert "<DataType>" in lines[result.line(found.guid) - 1]
+        for entry in found.events.values():
+            assert "<EventId>" in lines[result.line(found.guid, entry.id) - 1]
 
 
 def test_all_files_make_one_catalog() -> None:
