@@ -58,26 +58,25 @@ def every_text(classes: Iterable[EventClass], languages: Iterable[int] = ()) -> 
 def imported(classes: Iterable[EventClass], table: Table) -> Imported:
     """The classes with the table's translations; those that the table has not stay as they are."""
     result: list[EventClass] = []
-    counts = {"added": 0, "changed": 0}
+    added = changed = 0
     used: set[tuple[str, str]] = set()
     for found in classes:
-        own = set(found.texts()) | set(found.translations)
-        translations = {text: dict(known) for text, known in found.translations.items()}
-        for event_class in (EVERY, found.guid):
-            for text, given in table.get(event_class, {}).items():
-                if text not in own:
-                    continue
-                used.add((event_class, text))
-                before = translations.get(text, {})
-                news = {lcid: value for lcid, value in given.items() if value and value != before.get(lcid)}
-                changed = sum(1 for lcid in news if before.get(lcid))
-                counts["changed"] += changed
-                counts["added"] += len(news) - changed
-                if news:
-                    translations[text] = before | news
+        translations = dict(found.translations)
+        for text in dict.fromkeys((*found.texts(), *found.translations)):
+            given: dict[int, str] = {}
+            for event_class in (EVERY, found.guid):  # what is said of the class itself comes last and counts
+                if text in table.get(event_class, {}):
+                    used.add((event_class, text))
+                    given.update((lcid, value) for lcid, value in table[event_class][text].items() if value)
+            before = found.translations.get(text, {})
+            news = {lcid: value for lcid, value in given.items() if value != before.get(lcid)}
+            if news:
+                translations[text] = {**before, **news}
+                changed += sum(1 for lcid in news if before.get(lcid))
+                added += sum(1 for lcid in news if not before.get(lcid))
         result.append(msgspec.structs.replace(found, translations=translations))
     unknown = ((event_class, text) for event_class, texts in table.items() for text in texts)
-    return Imported(tuple(result), counts["added"], counts["changed"], tuple(each for each in unknown if each not in used))
+    return Imported(tuple(result), added, changed, tuple(each for each in unknown if each not in used))
 
 
 def unused(classes: Iterable[EventClass]) -> dict[str, tuple[str, ...]]:
