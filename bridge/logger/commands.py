@@ -6,6 +6,9 @@ ADS_E_INVALIDSIZE here (a command may come from far away), where send_message ra
 Rule 3: without a source an alarm belongs to the code that calls (manual 5.8): create_alarm and get_alarm take the caller's
 qualified name and the object id.
 Rule 4: who, from where and why go with each command: operator, client (host:program unless told otherwise) and comment.
+Rule 5: clear_alarms() and confirm_alarms() are one command per alarm, each whole or not at all, with an event of its own. An
+alarm that somebody else has cleared, confirmed or disposed of meanwhile is passed over. When one command fails the rest is
+not tried: what was done is done, and the same call again does what is left.
 """
 
 import os
@@ -14,18 +17,22 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Final
 
 import msgspec
 
 from bridge.core.alarms import Alarm, AlarmCommand, AlarmKey, Clear, Confirm, Create, Dispose, Raise
 from bridge.core.arguments import Argument, Value, guid
-from bridge.core.events import MessageSent, Severity, Source
+from bridge.core.events import ConfirmationState, MessageSent, Severity, Source
 from bridge.core.filters.ast import Expr, resolve
 from bridge.core.filters.predicate import compile_filter
 from bridge.core.filters.text import parse
-from bridge.core.hresult import ADS_E_NOTFOUND, AdsError, raise_if_failed
+from bridge.core.hresult import ADS_E_INVALIDSTATE, ADS_E_NOTFOUND, AdsError, raise_if_failed
 from bridge.core.questions import CommandAnswer, CommandQuestion, LogQuestion, Stored
 from bridge.publisher import default_source
+
+_LATE: Final = (ADS_E_INVALIDSTATE, ADS_E_NOTFOUND)
+"""What a logger answers when an alarm is not any more as it was."""
 
 
 def this_client() -> str:
@@ -86,9 +93,12 @@ class Commands(ABC):
 
     def do(self, command: AlarmCommand) -> CommandAnswer:
         """Carry out a command; AdsError when the answer is a negative HRESULT."""
-        answer = self._do(CommandQuestion(id=os.urandom(8).hex(), command=command))
+        answer = self._once(command)
         raise_if_failed(answer.result, answer.detail)
         return answer
+
+    def _once(self, command: AlarmCommand) -> CommandAnswer:
+        return self._do(CommandQuestion(id=os.urandom(8).hex(), command=command))
 
     def create_alarm(
         self,
@@ -204,8 +214,69 @@ class Commands(ABC):
         """Let go of it; a raised alarm gets its clear time. ADS_E_NOTFOUND when there is none."""
         return self.do(Dispose(key=_key(alarm), time_ns=time_ns, operator=operator, client=self._client, comment=comment))
 
+    def clear_alarms(
+        self,
+        filter: Expr | str | None = None,
+        *,
+        reset_confirmation: bool = False,
+        time_ns: int = 0,
+        operator: str = "",
+        comment: str = "",
+    ) -> list[Alarm]:
+        """Clear every raised alarm that the filter takes as it is now; returns them as they are then, oldest change first.
+
+        Manual 6.1.9.1 and 6.1.9.2, with their default for reset_confirmation. What is not raised is left alone, also when it
+        waits for confirmation. Errors: those of active_alarms() before anything is done, those of clear_alarm() in the middle.
+        """
+        return [
+            cleared
+            for alarm in self.active_alarms(filter)
+            if alarm.raised
+            and (
+                cleared := self._alarm_unless_late(
+                    Clear(
+                        key=alarm.key,
+                        reset_confirmation=reset_confirmation,
+                        time_ns=time_ns,
+                        operator=operator,
+                        client=self._client,
+                        comment=comment,
+                    )
+                )
+            )
+        ]
+
+    def confirm_alarms(
+        self, filter: Expr | str | None = None, *, time_ns: int = 0, operator: str = "", comment: str = ""
+    ) -> list[Alarm]:
+        """Confirm every alarm that waits for it and that the filter takes as it is now; returns them as they are then.
+
+        Manual 6.1.9.4 and 6.1.9.5. Errors are as for clear_alarms().
+        """
+        waiting = ConfirmationState.WAIT_FOR_CONFIRMATION
+        return [
+            confirmed
+            for alarm in self.active_alarms(filter)
+            if alarm.confirmation_state is waiting
+            and (
+                confirmed := self._alarm_unless_late(
+                    Confirm(key=alarm.key, time_ns=time_ns, operator=operator, client=self._client, comment=comment)
+                )
+            )
+        ]
+
+    def _alarm_unless_late(self, command: Clear | Confirm) -> Alarm | None:
+        """The alarm after the command; None when somebody else was faster."""
+        answer = self._once(command)
+        if answer.result in _LATE and not answer.read_only:
+            return None
+        raise_if_failed(answer.result, answer.detail)
+        return self._alarm_in(answer)
+
     def _alarm_after(self, command: AlarmCommand) -> Alarm:
-        answer = self.do(command)
+        return self._alarm_in(self.do(command))
+
+    def _alarm_in(self, answer: CommandAnswer) -> Alarm:
         if answer.alarm is None:
             raise AdsError(ADS_E_NOTFOUND, f"{self.target} answered without the alarm")
         return answer.alarm

@@ -1,12 +1,15 @@
 """The calls of a logger: the same names, results and errors from inside and through the proxy."""
 
+import inspect
 from collections.abc import Iterator
 
+import msgspec
 import pytest
 
-from bridge.core.alarms import AlarmKey
+from bridge.core.alarms import Alarm, AlarmKey, Clear
 from bridge.core.arguments import Argument
-from bridge.core.events import AlarmEvent, ConfirmationState, LimitError, Severity, Source
+from bridge.core.events import AlarmEvent, ConfirmationState, LimitError, MessageSent, Severity, Source
+from bridge.core.filters.ast import Expr
 from bridge.core.filters.spelling import where
 from bridge.core.filters.text import FilterSyntaxError
 from bridge.core.hresult import (
@@ -180,3 +183,144 @@ def test_a_class_that_is_no_guid_is_the_callers_mistake(plc1: Commands, event_cl
         plc1.create_alarm(event_class, 1, Severity.INFO)
     with pytest.raises(ValueError, match="is no GUID"):
         plc1.get_alarm(event_class, 1)
+
+
+def _raised(plc1: Commands, *event_ids: int) -> list[Alarm]:
+    """Raised alarms that wait for confirmation, in this order."""
+    return [plc1.raise_alarm(new_alarm(plc1, number), time_ns=TIME_NS + number) for number in event_ids]
+
+
+def _who(plc1: Commands, kind: str) -> list[tuple[int, str, str]]:
+    """Event id, operator and comment of the stored transitions of a kind, oldest first."""
+    return [
+        (event.event_id, event.operator, event.comment)
+        for stored in plc1.log(LogQuestion(newest_first=False))
+        if isinstance(event := stored.event, AlarmEvent) and event.kind == kind
+    ]
+
+
+def test_all_alarms_are_cleared(plc1: Commands) -> None:
+    """Those that are raised, each with an event of its own that says who and why; confirmations stay as they are."""
+    first, second, third = _raised(plc1, 1, 2, 3)
+    plc1.clear_alarm(second)
+    cleared = plc1.clear_alarms(operator="anna", comment="power is back")
+    assert [(alarm.key, alarm.raised, alarm.confirmation_state) for alarm in cleared] == [
+        (first.key, False, ConfirmationState.WAIT_FOR_CONFIRMATION),
+        (third.key, False, ConfirmationState.WAIT_FOR_CONFIRMATION),
+    ]
+    assert cleared == [plc1.get_alarm(CLASS, number, PUMP) for number in (1, 3)]
+    assert _who(plc1, "alarm_cleared") == [(2, "", ""), (1, "anna", "power is back"), (3, "anna", "power is back")]
+    assert plc1.clear_alarms() == []
+
+
+def test_all_alarms_are_cleared_with_reset_of_the_confirmation(plc1: Commands) -> None:
+    """Raised ones need no confirmation any more; one that was cleared before still waits."""
+    first, second = _raised(plc1, 1, 2)
+    plc1.clear_alarm(second)
+    (cleared,) = plc1.clear_alarms(reset_confirmation=True, time_ns=TIME_NS + 9)
+    assert (cleared.key, cleared.confirmation_state, cleared.time_cleared_ns) == (
+        first.key,
+        ConfirmationState.RESET,
+        TIME_NS + 9,
+    )
+    assert [alarm.key for alarm in plc1.active_alarms()] == [second.key]
+
+
+def test_all_alarms_are_confirmed(plc1: Commands) -> None:
+    """Those that wait for it, raised or not; one without confirmation is left alone."""
+    first, second = _raised(plc1, 1, 2)
+    plc1.raise_alarm(new_alarm(plc1, 3, with_confirmation=False))
+    plc1.clear_alarm(first)
+    confirmed = plc1.confirm_alarms(time_ns=TIME_NS + 9, operator="ben")
+    assert {(alarm.key, alarm.raised, alarm.confirmation_state) for alarm in confirmed} == {
+        (first.key, False, ConfirmationState.CONFIRMED),
+        (second.key, True, ConfirmationState.CONFIRMED),
+    }
+    assert {alarm.time_confirmed_ns for alarm in confirmed} == {TIME_NS + 9}
+    assert len(_who(plc1, "alarm_confirmed")) == 2
+    assert plc1.confirm_alarms() == []
+
+
+@pytest.mark.parametrize("spelling", ["event_id >= 2 and is_raised", where.event_id >= 2])
+def test_a_filter_chooses_by_the_state(plc1: Commands, spelling: Expr | str) -> None:
+    """What does not match as it is now is left alone; a wrong filter does nothing at all."""
+    first, second, third = _raised(plc1, 1, 2, 3)
+    with pytest.raises(FilterSyntaxError):
+        plc1.clear_alarms("event_id >")
+    assert [alarm.key for alarm in plc1.confirm_alarms(spelling)] == [second.key, third.key]
+    assert [alarm.key for alarm in plc1.clear_alarms(spelling)] == [second.key, third.key]
+    assert [alarm.key for alarm in plc1.active_alarms()] == [first.key]
+
+
+def test_somebody_else_was_faster(plc1: Commands, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An alarm that is cleared, or gone, between the look and the command is passed over; the others are done."""
+    first, second, third = _raised(plc1, 1, 2, 3)
+    before = plc1.active_alarms()
+    monkeypatch.setattr(plc1, "active_alarms", lambda _filter: before)
+    plc1.clear_alarm(first, reset_confirmation=True)
+    plc1.dispose_alarm(second)
+    assert [alarm.key for alarm in plc1.confirm_alarms()] == [third.key]
+    assert [alarm.key for alarm in plc1.clear_alarms()] == [third.key]
+
+
+def test_a_logger_that_has_stepped_back_refuses_them() -> None:
+    """Its refusal is no "somebody was faster": it raises."""
+    with alone() as bus, EventLogger("plc1", bus=bus) as logger:
+        _raised(logger, 1)
+        logger.read_only = "an older logger is there"
+        with pytest.raises(AdsError, match="an older logger is there"):
+            logger.clear_alarms()
+        logger.read_only = ""
+
+
+CALLS = [name for name, value in vars(Commands).items() if not name.startswith("_") and callable(value)]
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_every_call_is_spelled_alike_inside_and_through_the_proxy(name: str) -> None:
+    """Same names, same parameters with the same defaults, same results."""
+    inside, through = (inspect.signature(getattr(kind, name)) for kind in (EventLogger, LoggerProxy))
+    assert inside == through
+
+
+def test_a_walk_through_every_call_gives_the_same_inside_and_through_the_proxy() -> None:
+    """The same calls in the same order: the same results, but for who answered, and the same log."""
+
+    def walk(calls: Commands) -> dict[str, object]:
+        found: dict[str, object] = {"send_message": calls.send_message(CLASS, 9, Severity.INFO, source=PUMP, time_ns=TIME_NS)}
+        created = calls.create_alarm(CLASS, 1, Severity.ERROR, with_confirmation=True, source=PUMP)
+        found["create_alarm"] = (created.created, created.result, created.alarm)
+        found["raise_alarm"] = alarm = calls.raise_alarm(created.alarm, arguments=(1,), operator="anna")
+        found["is_raised"] = calls.is_raised(alarm)
+        found["get_alarm"] = calls.get_alarm(CLASS, 1, PUMP)
+        found["active_alarms"] = calls.active_alarms("is_raised")
+        found["confirm_alarm"] = calls.confirm_alarm(alarm, comment="seen")
+        found["clear_alarm"] = calls.clear_alarm(alarm.key)
+        calls.raise_alarm(alarm)
+        found["confirm_alarms"] = calls.confirm_alarms(operator="ben")
+        found["clear_alarms"] = calls.clear_alarms("event_id = 1", reset_confirmation=True)
+        calls.raise_alarm(alarm)
+        found["do"] = calls.do(Clear(key=alarm.key)).alarm
+        found["dispose_alarm"] = calls.dispose_alarm(alarm).result
+        found["log"] = sorted((stored.event.kind, stored.event.time_ns) for stored in calls.log(LogQuestion(filter="is_alarm")))
+        return found
+
+    def bare(value: object) -> object:
+        match value:
+            case Alarm() | MessageSent():
+                return (
+                    msgspec.structs.replace(value, session="", seq=0, key_seq=0)
+                    if isinstance(value, MessageSent)
+                    else (msgspec.structs.replace(value, session="", seq=0))
+                )
+            case list() | tuple():
+                return [bare(each) for each in value]
+            case _:
+                return value
+
+    with alone() as bus, EventLogger("plc1", bus=bus, clock=lambda: TIME_NS) as logger:
+        inside = walk(logger)
+    with alone() as bus, EventLogger("plc1", bus=bus, clock=lambda: TIME_NS), LoggerProxy(bus, "plc1") as proxy:
+        through = walk(proxy)
+    assert {name: bare(value) for name, value in inside.items()} == {name: bare(value) for name, value in through.items()}
+    assert set(inside) == set(CALLS) - {"clear_log"}  # its story is told with the log
