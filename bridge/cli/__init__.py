@@ -33,11 +33,26 @@ COMMANDS: Final = {
     "replay": "bridge.cli.replay:replay",
     "info": "bridge.cli.info:info",
     "filter explain": "bridge.cli.filter:explain",
+    "classes list": "bridge.cli.classes:class_list",
+    "classes show": "bridge.cli.classes:show",
+    "classes lint": "bridge.cli.classes:lint",
+    "classes diff": "bridge.cli.classes:diff",
+    "classes new": "bridge.cli.classes_write:new",
+    "classes convert": "bridge.cli.classes_write:convert",
+    "classes generate": "bridge.cli.classes_write:generate",
+    "classes translations export": "bridge.cli.classes_write:translations_export",
+    "classes translations import": "bridge.cli.classes_write:translations_import",
+    "classes delete-unused": "bridge.cli.classes_write:delete_unused",
+    "classes where-used": "bridge.cli.where_used:where_used",
     "router": "bridge.cli.router:router",
     "demo": "bridge.cli.demo:demo",
 }
 """Every command and where it is; the help, README, docs/commands.md and the tests follow this table."""
-_GROUPS: Final = {"filter": "Work with filters."}
+_GROUPS: Final = {
+    "filter": "Work with filters.",
+    "classes": "Work with event classes and their texts.",
+    "classes translations": "Texts out to translators, and back.",
+}
 _HIDDEN: Final = {"demo-publisher": "bridge.cli.demo_plant:publisher"}
 
 
@@ -65,16 +80,17 @@ def make_app(*, lazy: bool = False) -> App:
         suppress_keyboard_interrupt=False,
         default_parameter=Parameter(show_default=False, negative=()),
     )
-    groups = {name: App(name=name, help=text, help_epilogue="") for name, text in _GROUPS.items()}
+    groups = {name: App(name=name.split()[-1], help=text, help_epilogue="") for name, text in _GROUPS.items()}
     for number, (name, place) in enumerate((COMMANDS | _HIDDEN).items()):
         group, _, last = name.rpartition(" ")
         owner = groups[group] if group else app
         command = place if lazy or name in _HIDDEN else _function(place)
         owner.command(command, name=last, show=name not in _HIDDEN, sort_key=number, help_epilogue="")
-        if group:
+        if group and groups[group].sort_key is None:
             groups[group].sort_key = number
-    for each in groups.values():
-        app.command(each)
+    for name, each in groups.items():
+        above = name.rpartition(" ")[0]
+        (groups[above] if above else app).command(each)
     return app
 
 

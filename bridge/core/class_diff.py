@@ -112,8 +112,10 @@ def _content(old: EventClass, new: EventClass) -> Iterator[Change]:
     for number in sorted({*old.events, *new.events}):
         yield from _event(old, new, number)
     yield from _translations(old, new)
-    if (before := _hides(old, new.guid)) != (after := _hides(new, old.guid)):
-        yield Change("hides", before, after, "a filter by class name takes other old versions")
+    shown, hidden = set(old.hides) - {*new.hides, new.guid}, set(new.hides) - {*old.hides, old.guid}
+    if shown or hidden:
+        notice = "a filter by class name takes other old versions"
+        yield Change("hides", ", ".join(sorted(shown)), ", ".join(sorted(hidden)), notice)
     if old.comment != new.comment:
         yield Change("comment", old.comment, new.comment)
     if old.properties != new.properties:
@@ -169,10 +171,6 @@ def _translations(old: EventClass, new: EventClass) -> Iterator[Change]:
 
 def _slots(text: str) -> list[str]:
     return [part.name for part in template(text) if isinstance(part, Slot)]
-
-
-def _hides(found: EventClass, besides: str) -> str:
-    return ", ".join(sorted(each for each in found.hides if each != besides))
 
 
 def _mapping(values: Mapping[str, str]) -> str:

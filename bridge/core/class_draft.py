@@ -2,7 +2,7 @@
 
 Rule 1: a reader (core/tmc.py) gives a class whole or not at all; a draft has what is there, so that one fault of a class does
 not hide the others. What a draft leaves out, the reader has told as a Problem.
-Rule 2: XML is taken apart only after the reader took it, so a DTD and other hostile content never come here.
+Rule 2: a file comes from outside, as for the reader: nothing is expanded or fetched, and a file with a DTD has no drafts.
 
 A file that is no XML, and XML that is not well-formed, give the drafts of the classes that the reader could read whole.
 """
@@ -62,11 +62,13 @@ class Draft(msgspec.Struct, frozen=True):
 
 
 def draft(data: bytes, file: str, result: ReadResult) -> Draft:
-    """The draft of a file whose content the reader took, with this result."""
+    """The draft of a file's content, of which the reader made this result."""
     try:
         root = etree.fromstring(data, etree.XMLParser(**_OPTIONS))
     except etree.XMLSyntaxError:
         return Draft(file, tuple(_of_class(file, each, result) for each in result.classes))
+    if root.getroottree().docinfo.internalDTD is not None:
+        return Draft(file, ())
     table = _texts(root)
     classes = [_of_element(file, each, table) for each in root.iter("DataType") if each.find("EventId") is not None]
     uses = [
