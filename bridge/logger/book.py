@@ -7,6 +7,7 @@ Rule 3: what the cache refuses is counted (`unstored` events), and alarm states 
 
 import contextlib
 import threading
+from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -14,11 +15,15 @@ from typing import Final, Self
 
 from bridge.core import keys
 from bridge.core.alarms import Alarm, AlarmKey
+from bridge.core.catalog import ENGLISH, Catalog, LanguageError, language_id
+from bridge.core.event_fields import FIELD_ROWS, NAMES, value
 from bridge.core.events import DEFAULT_LIMITS, AnyEvent, Limits
 from bridge.core.filters.text import parse
+from bridge.core.hresult import ADS_E_INVALIDPARM, AdsError
 from bridge.core.logbook import Changes, Kept, Logbook
+from bridge.core.own_events import OWN_CLASS
 from bridge.core.questions import LogQuestion, Stored
-from bridge.edges.cache import Cache, CacheError, StoreBatch, StoredAlarm, StoredEvent
+from bridge.edges.cache import Cache, CacheError, Drop, StoreBatch, StoredAlarm, StoredEvent
 from bridge.edges.cache import Stored as Row
 from bridge.edges.recording import StateFrame
 
@@ -48,9 +53,18 @@ class Book:
         session: str = "",
         limits: Limits = DEFAULT_LIMITS,
         resolve_class: Callable[[str], Sequence[str]] | None = None,
+        catalog: Catalog | None = None,
+        on_dropped: Callable[[Drop], None] | None = None,
     ) -> None:
-        """Open the cache and take over what an earlier session left. CacheError when it cannot be opened."""
+        """Open the cache and take over what an earlier session left. CacheError when it cannot be opened.
+
+        catalog has the texts and class names that the log can be sorted by. on_dropped is told what the cache dropped, on its
+        writer's thread, unless the cache that was given tells somebody else.
+        """
         self.cache = cache if isinstance(cache, Cache) else Cache(cache)
+        if on_dropped is not None and self.cache.on_dropped is None:
+            self.cache.on_dropped, self.cache.quiet_class = on_dropped, OWN_CLASS
+        self._catalog = Catalog() if catalog is None else catalog
         self.lock = threading.RLock()
         self.unstored = 0
         left = self.cache.load_alarms(target)
@@ -137,7 +151,11 @@ class Book:
     # Reading.
 
     def log(self, question: LogQuestion) -> Iterator[Stored]:
-        """The stored events that are asked for. FilterSyntaxError, AdsError or UnknownClassError for a bad filter, at once."""
+        """The stored events that are asked for.
+
+        At once FilterSyntaxError, AdsError or UnknownClassError for a bad filter, and AdsError when too many would have to be
+        sorted by a text or when the language is unknown.
+        """
         with contextlib.suppress(CacheError, TimeoutError):
             self.flush(2.0)
         if question.missing is not None:
@@ -145,11 +163,52 @@ class Book:
             key = keys.parse_event_key(wanted.key)
             rows = self.cache.numbered_of_key(wanted.session, key, wanted.first, wanted.last)
             return (_stored(row) for row in rows if row.event.seq > wanted.after_seq)
+        return map(_stored, self._rows(question))
+
+    def _rows(self, question: LogQuestion) -> Iterator[StoredEvent]:
         expr = parse(question.filter, resolve_class=self._resolve_class) if question.filter else None
-        return map(
-            _stored,
-            self.cache.query(expr, limit=question.limit or None, offset=question.offset, newest_first=question.newest_first),
+        field = NAMES[question.sort] if question.sort else None
+        if field is None or FIELD_ROWS[field].sql:
+            return self.cache.query(
+                expr,
+                limit=question.limit or None,
+                offset=question.offset,
+                newest_first=question.newest_first,
+                order="id" if field is None else FIELD_ROWS[field].sql,
+                take_last=question.take_last,
+                occurrences=question.view == "occurrences",
+            )
+        try:
+            language = language_id(question.lang or ENGLISH)
+        except LanguageError as error:
+            raise AdsError(ADS_E_INVALIDPARM, str(error)) from None
+        return self.cache.query_by(
+            lambda found: str(value(field, found, self._catalog, language)),
+            expr,
+            limit=question.limit or None,
+            offset=question.offset,
+            largest_first=question.newest_first,
+            take_last=question.take_last,
+            occurrences=question.view == "occurrences",
         )
+
+    def clear(self, question: LogQuestion) -> int:
+        """Forget the stored events that are asked for, whole lives in the view of occurrences; how many went. Alarms stay.
+
+        Errors are those of log(), and CacheError when it cannot be done. A kill in between leaves a part forgotten.
+        """
+        if question.missing is not None:
+            raise AdsError(ADS_E_INVALIDPARM, "what is missing cannot be cleared")
+        self.flush()
+        if not (question.filter or question.limit or question.offset):
+            return self.cache.forget()
+        rows, lives = array("q"), array("q")
+        for found in self._rows(question):
+            if question.view == "occurrences" and found.event.is_alarm:
+                lives.append(found.unique_id)
+            else:
+                rows.append(found.row)
+        return self.cache.forget(rows, lives)
 
     # Closing.
 

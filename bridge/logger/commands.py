@@ -28,7 +28,7 @@ from bridge.core.filters.ast import Expr, resolve
 from bridge.core.filters.predicate import compile_filter
 from bridge.core.filters.text import parse
 from bridge.core.hresult import ADS_E_INVALIDSTATE, ADS_E_NOTFOUND, AdsError, raise_if_failed
-from bridge.core.questions import CommandAnswer, CommandQuestion, LogQuestion, Stored
+from bridge.core.questions import ClearLogAnswer, ClearLogQuestion, CommandAnswer, CommandQuestion, LogQuestion, Stored
 from bridge.publisher import default_source
 
 _LATE: Final = (ADS_E_INVALIDSTATE, ADS_E_NOTFOUND)
@@ -76,6 +76,22 @@ class Commands(ABC):
     @abstractmethod
     def log(self, question: LogQuestion | None = None) -> Iterator[Stored]:
         """Stored events, newest first unless the question says otherwise."""
+
+    @abstractmethod
+    def _clear(self, question: ClearLogQuestion) -> ClearLogAnswer:
+        """Have stored events forgotten."""
+
+    def clear_log(self, which: LogQuestion | None = None, *, operator: str = "", comment: str = "") -> int:
+        """Forget stored events, all of them without a question; how many went. Alarm states are never touched.
+
+        That it was done, by whom, from where and why is an event of its own (core/own_events.py). AdsError for a bad question.
+        """
+        which = LogQuestion() if which is None else which
+        answer = self._clear(
+            ClearLogQuestion(id=os.urandom(8).hex(), which=which, operator=operator, client=self._client, comment=comment)
+        )
+        raise_if_failed(answer.result, answer.detail)
+        return answer.cleared
 
     @abstractmethod
     def send_message(

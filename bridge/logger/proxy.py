@@ -18,7 +18,16 @@ from bridge.core.alarms import Alarm, AlarmKey
 from bridge.core.arguments import ZERO_GUID, Argument, Value
 from bridge.core.events import DEFAULT_LIMITS, Limits, MessageSent, Severity, Source
 from bridge.core.filters.text import parse
-from bridge.core.questions import CommandAnswer, CommandQuestion, LogPart, LogQuestion, StatePart, Stored
+from bridge.core.questions import (
+    ClearLogAnswer,
+    ClearLogQuestion,
+    CommandAnswer,
+    CommandQuestion,
+    LogPart,
+    LogQuestion,
+    StatePart,
+    Stored,
+)
 from bridge.edges.bus import Answer, Bus
 from bridge.listener import TwoLoggersError
 from bridge.logger.commands import Commands
@@ -28,7 +37,7 @@ from bridge.publisher import Publisher, default_source
 _STEP_S: Final = 0.02
 _ASK_S: Final = 2.0
 _LOG_S: Final = 60.0
-_T = TypeVar("_T", CommandAnswer, StatePart, LogPart)
+_T = TypeVar("_T", CommandAnswer, ClearLogAnswer, StatePart, LogPart)
 
 
 class NoLoggerError(RuntimeError):
@@ -110,11 +119,11 @@ class LoggerProxy(Commands):
 
     # Asking.
 
-    def _ask(self, kind: type[_T], verb: str, payload: bytes, *parts: str) -> tuple[list[_T], str]:
+    def _ask(self, kind: type[_T], verb: str, payload: bytes, *parts: str, timeout_s: float = _ASK_S) -> tuple[list[_T], str]:
         """The answers of the one logger, and the last refusal heard. TwoLoggersError when two answer."""
         found: dict[str, list[_T]] = {}
         reason = ""
-        for answer in self.bus.ask(keys.verb_key(self.realm, self.target, verb, *parts), payload, timeout_s=_ASK_S):
+        for answer in self.bus.ask(keys.verb_key(self.realm, self.target, verb, *parts), payload, timeout_s=timeout_s):
             item = _read(answer, kind)
             if isinstance(item, str):
                 reason = item
@@ -140,6 +149,17 @@ class LoggerProxy(Commands):
         state = self._state_now()
         alarm = None if state is None else state.get(question.command.key)
         raise CommandUnknownError(self.target, name, alarm, state is not None, reason)
+
+    def _clear(self, question: ClearLogQuestion) -> ClearLogAnswer:
+        deadline = time.monotonic() + self.timeout_s
+        payload = msgspec.json.encode(question)
+        while True:
+            answers, reason = self._ask(ClearLogAnswer, "@do", payload, "clear_log", timeout_s=_LOG_S)
+            if answers:
+                return answers[0]
+            if time.monotonic() >= deadline:
+                raise NoLoggerError(self.target, "@do/clear_log", reason)
+            time.sleep(_STEP_S)
 
     def _state_now(self) -> dict[AlarmKey, Alarm] | None:
         parts, _ = self._ask(StatePart, "@state", b"")

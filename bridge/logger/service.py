@@ -20,6 +20,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
+from queue import SimpleQueue
 from types import TracebackType
 from typing import Final, Self
 
@@ -28,13 +29,17 @@ import msgspec
 from bridge.core import codec, keys
 from bridge.core.alarms import Alarm, AlarmKey
 from bridge.core.arguments import Argument, Value
+from bridge.core.catalog import Catalog
 from bridge.core.events import DEFAULT_LIMITS, Event, Limits, MessageSent, Severity, Source
 from bridge.core.filters.ast import UnknownClassError
 from bridge.core.filters.text import FilterSyntaxError
 from bridge.core.hresult import ADS_E_BUSY, ADS_E_INVALIDDATA, ADS_E_INVALIDSTATE, ADS_E_NOMEMORY, S_OK, AdsError
 from bridge.core.logbook import Changes, Plan
+from bridge.core.own_events import OWN_EVENTS
 from bridge.core.questions import (
     PART_ITEMS,
+    ClearLogAnswer,
+    ClearLogQuestion,
     CommandAnswer,
     CommandQuestion,
     LogPart,
@@ -43,13 +48,15 @@ from bridge.core.questions import (
     Stored,
 )
 from bridge.edges.bus import LOCAL, Bus, BusConfig, Closable, Question, Refusal, Reply, open_bus
-from bridge.edges.cache import Cache, CacheError
+from bridge.edges.cache import Cache, CacheError, Drop
 from bridge.inbox import Dropped, OnFull
 from bridge.listener import Gap, Listener, Rejected
 from bridge.logger.book import Book
 from bridge.logger.commands import Commands
+from bridge.logger.housekeeping import CLEAR_LOG, Housekeeping
 from bridge.logger.presence import loggers, session_of, token_key
 from bridge.publisher import Publisher, PublisherClosedError, QueueFullError, default_source
+from bridge.texts import ClassOffer
 
 log: Final = logging.getLogger(__name__)
 
@@ -118,13 +125,20 @@ class EventLogger(Commands):
         durable: bool = False,
         client: str | None = None,
         resolve_class: Callable[[str], Sequence[str]] | None = None,
+        catalog: Catalog | None = None,
         on_read_only: Callable[[str], None] | None = None,
     ) -> None:
         """Open the logger, on a bus of its own when none is given; config says how to open that.
 
+        catalog are the event classes it offers to whoever asks (@classes), and, unless resolve_class says otherwise, those
+        that filters may name.
+
         TargetTakenError when there is a logger of this target; CacheError when the cache cannot be opened. durable makes
         commands wait for the disk itself. on_read_only is called with a reason when this logger steps back for an older one.
         """
+        self.catalog = Catalog([OWN_EVENTS]).merged(catalog or ())
+        if resolve_class is None:
+            resolve_class = self.catalog.guids
         super().__init__(target, object_id=object_id, client=client, resolve_class=resolve_class)
         self.realm = realm
         self.counters = LoggerCounters()
@@ -137,7 +151,16 @@ class EventLogger(Commands):
             self.bus = opened.enter_context(open_bus(config)) if bus is None else bus
             _refuse_taken(self.bus, target, realm)
             self.session = f"{time.time_ns() // 1000:013x}"[-13:] + os.urandom(2).hex()[:3]
-            self.book = Book(target, cache, session=self.session, limits=limits, resolve_class=resolve_class)
+            self._drops = SimpleQueue[Drop | None]()
+            self.book = Book(
+                target,
+                cache,
+                session=self.session,
+                limits=limits,
+                resolve_class=resolve_class,
+                catalog=self.catalog,
+                on_dropped=self._drops.put,
+            )
             opened.callback(self.book.close)
             if self.book.logbook.table.suspect(target):
                 log.warning("%s: its logger was not stopped; alarms that were raised then are suspect now", target)
@@ -156,10 +179,17 @@ class EventLogger(Commands):
                     clock=clock,
                 )
             )
+            self._housekeeping = Housekeeping(self.book, self.session, self._send_own, self._why_unchangeable)
+            self._reporter = threading.Thread(
+                target=self._housekeeping.report_drops, args=(self._drops,), name=f"drops {target}", daemon=True
+            )
+            self._reporter.start()
+            opened.callback(self._drops.put, None)
             self._listener = opened.enter_context(Listener(self.bus, realm=realm, target=target, limits=limits))
             self._follower = threading.Thread(target=self._follow, name=f"log {target}", daemon=True)
             self._follower.start()
             self._answers = self._open_answers()
+            self._offer = ClassOffer(self.bus, target, self.catalog, realm=realm, session=self.session)
             self._watch = self.bus.watch_alive(token_key(target, realm), self._logger_seen)
             self._own_bus = self.bus if bus is None else None
             opened.pop_all()
@@ -169,6 +199,7 @@ class EventLogger(Commands):
             return self.bus.answer(keys.verb_key(self.realm, self.target, verb, *parts), handler)
 
         answers = {name: answer("@do", self._answer_command, name) for name in COMMANDS}
+        answers[CLEAR_LOG] = answer("@do", self._housekeeping.answer, CLEAR_LOG)
         return {**answers, "@log": answer("@log", self._answer_log), "@state": answer("@state", self._answer_state)}
 
     # Sending.
@@ -210,6 +241,20 @@ class EventLogger(Commands):
             self.counters.messages += 1
             self.book.store((self.book.logbook.message(event, self._clock()),))
         return event
+
+    def _send_own(self, event: MessageSent) -> None:
+        """Send and store a message about this logger itself."""
+        now_ns = self._clock()
+        sent = self.publisher.send(msgspec.structs.replace(event, time_ns=now_ns))
+        with self.book.lock:
+            self.counters.messages += 1
+            self.book.store((self.book.logbook.message(sent, now_ns),))
+
+    def _why_unchangeable(self) -> str:
+        return self.read_only or (f"the logger of {self.target} is closed" if self._closing else "")
+
+    def _clear(self, question: ClearLogQuestion) -> ClearLogAnswer:
+        return self._housekeeping.clear(question)
 
     def _do(self, question: CommandQuestion) -> CommandAnswer:
         with self.book.lock:
@@ -364,13 +409,16 @@ class EventLogger(Commands):
         def left() -> float:
             return max(0.0, deadline - time.monotonic())
 
-        for name in COMMANDS:
+        for name in (*COMMANDS, CLEAR_LOG):
             self._answers[name].close()
         undisposed = self._stop(left())
+        self._drops.put(None)
+        self._reporter.join(left())
         self._listener.close(left())
         self._follower.join(left())
         unsent = self.publisher.close(left()) + undisposed
         self._watch.close()
+        self._offer.close()
         self._answers["@log"].close()
         self._answers["@state"].close()
         self.book.close(max(0.5, left()))
