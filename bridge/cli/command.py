@@ -1,6 +1,9 @@
-"""`tcbridge create`, `raise`, `clear`, `confirm`, `dispose`: commands to a logger, and its answer."""
+"""`tcbridge create`, `raise`, `clear`, `confirm`, `dispose`: commands to a logger, and its answer.
 
-from collections.abc import Iterator
+clear and confirm take one alarm, or --all of them.
+"""
+
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
@@ -9,7 +12,7 @@ from cyclopts import Group, Parameter
 
 from bridge.cli import values
 from bridge.cli.exits import Exit, Usage
-from bridge.cli.options import COMMON, Common, catalog, note, open_bus, operator
+from bridge.cli.options import COMMON, Common, catalog, note, open_bus, operator, parse_filter
 from bridge.cli.show import View, clean, print_json, source_text
 from bridge.config import HELP, Settings
 from bridge.core.alarms import Alarm, AlarmKey
@@ -22,6 +25,8 @@ ALARM: Final = Group("Alarm", sort_key=10)
 COMMAND: Final = Group("Command", sort_key=11)
 
 EventClass: TypeAlias = Annotated[str, Parameter(name="CLASS", help="Event class: a GUID, or a name from --classes.")]
+Every: TypeAlias = Annotated[bool, Parameter(name="--all", help="All alarms, or all of --filter.", group=ALARM)]
+OfFilter: TypeAlias = Annotated[str, Parameter(name="--filter", help="With --all: which, by their state now.", group=ALARM)]
 EventId: TypeAlias = Annotated[str, Parameter(name="EVENT", help="Event id, or the event's name in the class.")]
 
 
@@ -126,6 +131,42 @@ class _Call:
         return Exit.OK
 
 
+class _AllCall:
+    """One command to all alarms, or to those of a filter."""
+
+    def __init__(self, named: object, filter: str, which: Which, how: How, common: Common) -> None:
+        if named or which != WHICH:
+            raise Usage("--all stands for every alarm; choose some with --filter")
+        self.settings = common.load(operator=how.operator)
+        self.catalog = catalog(self.settings)
+        self.filter = parse_filter(filter, self.catalog)
+        self.time_ns = values.time_ns(how.time)
+        self.operator = operator(self.settings)
+        self.comment = how.comment
+        self.as_json = common.json
+        self.wait_s = how.wait
+
+    def show(self, alarms: Sequence[Alarm], done: str) -> int:
+        """Print the alarms as they are now."""
+        view = View(self.catalog, self.settings.lang)
+        note(f"{len(alarms)} {'alarm' if len(alarms) == 1 else 'alarms'} {done}")
+        if self.as_json:
+            for alarm in alarms:
+                print_json(view.alarm_record(alarm))
+        elif alarms:
+            view.print_alarms(alarms)
+        return Exit.OK
+
+
+def _one(event_class: str | None, event_id: str | None, filter: str) -> tuple[str, str]:
+    """The class and event of a command to one alarm."""
+    if filter:
+        raise Usage("--filter needs --all")
+    if event_class is None or event_id is None:
+        raise Usage("name CLASS and EVENT, or --all")
+    return event_class, event_id
+
+
 def create(
     event_class: EventClass,
     event_id: EventId,
@@ -206,25 +247,39 @@ def raise_(
 
 
 def clear(
-    event_class: EventClass,
-    event_id: EventId,
+    event_class: EventClass | None = None,
+    event_id: EventId | None = None,
     /,
     *,
+    all: Every = False,
+    filter: OfFilter = "",
     reset_confirmation: Annotated[bool, Parameter(help="Nobody has to confirm it any more.", group=ALARM)] = False,
     which: Which = WHICH,
     what: What = WHAT,
     how: How = HOW,
     common: Common = COMMON,
 ) -> int:
-    """Clear an alarm.
+    """Clear an alarm, or --all that are raised.
 
     Without a source the one active alarm of that class and id is meant. The
     exit codes are those of raise.
 
     Try:
         tcbridge clear Faults LagError --classes examples/plant.tmc
+        tcbridge clear --all --filter "source.name like 'Main.Axis%'"
     """
-    call = _Call(event_class, event_id, which, how, common)
+    if all:
+        every = _AllCall(event_class or what != WHAT, filter, which, how, common)
+        with connected(every.settings, how.wait) as proxy:
+            cleared = proxy.clear_alarms(
+                every.filter,
+                reset_confirmation=reset_confirmation,
+                time_ns=every.time_ns,
+                operator=every.operator,
+                comment=every.comment,
+            )
+        return every.show(cleared, "cleared")
+    call = _Call(*_one(event_class, event_id, filter), which, how, common)
     with connected(call.settings, how.wait) as proxy:
         return call.show(
             proxy.clear_alarm(
@@ -240,15 +295,17 @@ def clear(
 
 
 def confirm(
-    event_class: EventClass,
-    event_id: EventId,
+    event_class: EventClass | None = None,
+    event_id: EventId | None = None,
     /,
     *,
+    all: Every = False,
+    filter: OfFilter = "",
     which: Which = WHICH,
     how: How = HOW,
     common: Common = COMMON,
 ) -> int:
-    """Confirm an alarm, raised or not.
+    """Confirm an alarm, raised or not, or --all that wait for it.
 
     Without a source the one active alarm of that class and id is meant. The
     exit codes are those of raise.
@@ -256,8 +313,16 @@ def confirm(
     Try:
         tcbridge confirm Faults LagError --classes examples/plant.tmc \\
             --operator "shift leader" --comment "seen, belt replaced"
+        tcbridge confirm --all --comment "seen in the control room"
     """
-    call = _Call(event_class, event_id, which, how, common)
+    if all:
+        every = _AllCall(event_class, filter, which, how, common)
+        with connected(every.settings, how.wait) as proxy:
+            confirmed = proxy.confirm_alarms(
+                every.filter, time_ns=every.time_ns, operator=every.operator, comment=every.comment
+            )
+        return every.show(confirmed, "confirmed")
+    call = _Call(*_one(event_class, event_id, filter), which, how, common)
     with connected(call.settings, how.wait) as proxy:
         return call.show(
             proxy.confirm_alarm(call.find(proxy), time_ns=call.time_ns, operator=call.operator, comment=call.comment)

@@ -1,5 +1,6 @@
 """The command line as a whole: help, examples, documentation, exit codes."""
 
+import json
 import re
 import shlex
 from pathlib import Path
@@ -11,6 +12,9 @@ from cyclopts.argument import Argument
 from bridge import config
 from bridge.cli import COMMANDS, make_app, run
 from bridge.cli.exits import _ERRORS, MEANING, Exit, exit_for
+from bridge.core.events import Severity, Source
+from bridge.edges.bus import BusConfig
+from bridge.logger import EventLogger
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
@@ -195,3 +199,45 @@ def test_an_error_is_found_by_its_bases_too() -> None:
 def test_every_command_speaks_json(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     """--json is there for programs."""
     assert "--json" in help_of(name, capsys)
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("clear", "name CLASS and EVENT, or --all"),
+        ("confirm Faults", "name CLASS and EVENT, or --all"),
+        ("clear Faults 1 --filter is_raised", "--filter needs --all"),
+        ("confirm Faults 1 --all", "choose some with --filter"),
+        ("clear --all --source-name MAIN", "choose some with --filter"),
+        ("clear --all --arg 1", "choose some with --filter"),
+    ],
+)
+def test_one_alarm_or_all_of_them(line: str, expected: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """What stands for one alarm and --all exclude each other, and one of them is needed."""
+    assert run(line.split()) == Exit.USAGE
+    assert expected in capsys.readouterr().err
+
+
+def test_all_alarms_are_confirmed_and_cleared_from_the_command_line(
+    bus_config: BusConfig, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Those of the filter, or all; each is printed as it is then, how many on stderr, and who and why are kept."""
+    guid = "54cc5482-ad79-4cdc-8c3e-b3983b36ed66"
+    where = ["--scouting-group", bus_config.scouting_group, "--json"]
+    with EventLogger("local", config=bus_config) as logger:
+        for number in (1, 2, 3):
+            source = Source(name=f"MAIN.axis{number}")
+            logger.raise_alarm(logger.create_alarm(guid, number, Severity.ERROR, with_confirmation=True, source=source).alarm)
+        assert run(["confirm", "--all", "--filter", "event_id > 1", "--operator", "anna", *where]) == Exit.OK
+        printed = capsys.readouterr()
+        alarms = [json.loads(each) for each in printed.out.splitlines()]
+        assert [(each["event_id"], each["confirmation_state"], each["operator"]) for each in alarms] == [
+            (2, 3, "anna"),
+            (3, 3, "anna"),
+        ]
+        assert "2 alarms confirmed" in printed.err
+        assert run(["clear", "--all", "--reset-confirmation", "--comment", "over", *where]) == Exit.OK
+        assert len(capsys.readouterr().out.splitlines()) == 3
+        assert logger.active_alarms() == []
+        assert run(["clear", "--all", *where]) == Exit.OK
+        assert capsys.readouterr().out == ""
