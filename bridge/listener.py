@@ -404,6 +404,9 @@ class Listener(Handover):
     def _left(self, who: Token, gone: bool) -> None:
         target, role, session = who
         out: list[Item] = []
+        if gone and self.tracker.started(session):
+            # Its last word comes through another queue, where it waits for the tails that it names.
+            self.wait_for_final(session, 5 * RECHECK_S)
         with self._work:
             clean = session in self._final
             if self._loggers.get(target) == session and not (gone and clean):
