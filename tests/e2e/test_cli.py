@@ -260,7 +260,7 @@ def _record(shell: Shell) -> str:
         place = ["Line", "Moved", "--classes", str(CLASSES), "--target", "plc1"]
         shell.run("send", *place, "--arg", number, "--arg", "9.5", "--wait", "10")
     line = record.wait_for("recorded")
-    assert record.process.wait(DEADLINE_S) == 0
+    assert record.process.wait(DEADLINE_S) == 0, line
     return line
 
 
