@@ -1,7 +1,8 @@
 """Texts of events without their files: classes are offered on the bus, and asked for once.
 
 Rule 1: own files first. What they do not know is asked for by GUID on @classes: under the event's target, and, if it is
-unknown there, under every target of the realm. A GUID is one version, so the first whole answer that has it is right.
+unknown there, under every target of the realm. A GUID is one version, so every whole answer that has it is right; only
+translations may differ, and then what one has and the others lack is added.
 Rule 2: what was learnt is kept while this object lives, at most KEPT classes. What nobody knows is asked for again after
 UNKNOWN_S at the earliest; until then it is shown as an unknown class is shown (core/catalog.py).
 Rule 3: text() and class_name() never raise, and wait for an answer no longer than timeout_s per question. Requests
@@ -72,8 +73,8 @@ def ask_classes(
 ) -> dict[str, EventClass]:
     """The classes that those who offer some know, by GUID; {} when nobody does or nobody answers.
 
-    target None asks those of every target. Answers that cannot be read or are not whole are left out. BusError when the bus
-    is closed.
+    target None asks those of every target. Where two know a class, translations of both count. Answers that cannot be read or
+    are not whole are left out. BusError when the bus is closed.
     """
     parts: dict[tuple[str, str], list[ClassesPart]] = {}
     taken = 0
@@ -91,12 +92,9 @@ def ask_classes(
             log.warning("an answer about classes cannot be read: %s", error)
             continue
         parts.setdefault((answer.key, part.session), []).append(part)
-    found: dict[str, EventClass] = {}
-    for _, each in sorted(parts.items()):
-        if (joined := class_offer.join(each)) is not None:
-            for event_class, known in joined.classes.items():
-                found.setdefault(event_class, known)
-    return found
+    whole = (class_offer.join(each) for _, each in sorted(parts.items(), reverse=True))
+    found = Catalog(each for joined in whole if joined is not None for each in joined.classes.values())
+    return {each.guid: each for each in found}
 
 
 class _Resolve(Protocol):

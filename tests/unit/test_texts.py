@@ -95,6 +95,14 @@ def test_two_who_offer_under_one_target(bus: Bus) -> None:
         assert texts.questions == 1
 
 
+def test_two_who_know_different_translations(bus: Bus) -> None:
+    """The same class, translated into German here and into French there, is shown in both."""
+    french = EventClass(AXIS_GUID, "Axis", "Axis errors", AXIS.events, {"Axis {0} lags": {1036: "L'axe {0} traîne"}})
+    with ClassOffer(bus, "plc1", Catalog([AXIS])), ClassOffer(bus, "plc1", Catalog([french])), Texts(bus) as texts:
+        assert texts.text(message(), "de") == "Achse 3 schleppt"
+        assert texts.text(message(), "fr") == "L'axe 3 traîne"
+
+
 def test_an_event_that_an_argument_refers_to(bus: Bus) -> None:
     """Its class is asked for too."""
     with ClassOffer(bus, "plc1", Catalog([AXIS, PUMP])), Texts(bus) as texts:
@@ -240,13 +248,13 @@ def test_the_language_is_checked_at_the_call(bus: Bus) -> None:
 
 
 def test_a_logger_offers_its_classes(bus: Bus) -> None:
-    """With a catalog it answers @classes and its filters know the names; without one it says that it knows nothing."""
+    """With a catalog it answers @classes and its filters know the names; without one it knows none of ours."""
     with EventLogger("plc1", bus=bus, catalog=Catalog([AXIS])) as logger:
-        assert ask_classes(bus, ClassesQuestion(), target="plc1") == {AXIS_GUID: AXIS}
+        assert ask_classes(bus, ClassesQuestion(), target="plc1")[AXIS_GUID] == AXIS
         logger.create_alarm(AXIS_GUID, 7, Severity.ERROR)
         assert logger.active_alarms("event_class = 'Axis'") == []
     with EventLogger("plc2", bus=bus):
-        assert ask_classes(bus, ClassesQuestion(), target="plc2") == {}
+        assert ask_classes(bus, ClassesQuestion(guids=(AXIS_GUID,)), target="plc2") == {}
 
 
 def test_a_question_that_is_none_is_refused(bus: Bus) -> None:
