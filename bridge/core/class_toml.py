@@ -96,7 +96,8 @@ def read_classes(data: bytes, name: str = "") -> ReadResult:
         raise TmcError(name, 1, "no list of classes; expected [[classes]]")
     classes: list[EventClass] = []
     problems: list[Problem] = []
-    places: dict[tuple[str, int | None], int] = {}
+    class_lines: dict[str, int] = {}
+    event_lines: dict[str, dict[int, int]] = {}
     for index, table in enumerate(raw):
         faults = list(_faults(table, ("classes", index)))
         if not faults:
@@ -111,11 +112,11 @@ def read_classes(data: bytes, name: str = "") -> ReadResult:
                 faults = [(("classes", index), str(error))]
             else:
                 classes.append(found)
-                places[found.guid, None] = lines.of(("classes", index))
-                for number, event in enumerate(form.events):
-                    places[found.guid, event.id] = lines.of(("classes", index, "events", number))
+                class_lines[found.guid] = lines.of(("classes", index))
+                places = {event.id: lines.of(("classes", index, "events", number)) for number, event in enumerate(form.events)}
+                event_lines[found.guid] = places
         problems += (Problem(name, lines.of(path), message) for path, message in faults)
-    return ReadResult(tuple(classes), tuple(problems), lines=places)
+    return ReadResult(tuple(classes), tuple(problems), lines=class_lines, event_lines=event_lines)
 
 
 def write_classes(classes: Iterable[EventClass]) -> bytes:

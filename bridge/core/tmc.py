@@ -18,7 +18,6 @@ generators write too: under EventId, Properties/Property with the Names
 Their values are taken as they are, and translated as display texts are. Every other property of an event is kept as one.
 """
 
-import codecs
 import re
 from collections.abc import Iterator, Mapping
 from typing import Final
@@ -29,6 +28,7 @@ from lxml import etree
 from bridge.core.arguments import guid
 from bridge.core.catalog import CauseRemedy, Detail, EventClass, EventEntry
 from bridge.core.events import Severity
+from bridge.core.tmc_pieces import is_utf8, pieces, utf8
 
 ROOTS: Final = ("TcModuleClass", "TcSmProject", "TcSmItem")
 TRANSLATIONS: Final = "Translations"
@@ -75,12 +75,15 @@ class ReadResult(msgspec.Struct, frozen=True):
     classes: tuple[EventClass, ...]
     problems: tuple[Problem, ...] = ()
     translations: dict[str, dict[int, str]] = {}
-    lines: Mapping[tuple[str, int | None], int] = {}
-    """Where the classes (GUID, None) and their events (GUID, id) stand."""
+    lines: Mapping[str, int] = {}
+    """GUID to the line of the class."""
+    event_lines: Mapping[str, Mapping[int, int]] = {}
+    """GUID and id to the line of the event."""
 
     def line(self, event_class: str, event_id: int | None = None) -> int:
         """The line of a class or of its event, as far as it is known; 1 when it is not."""
-        return self.lines.get((event_class, event_id)) or self.lines.get((event_class, None), 1)
+        of_class = self.lines.get(event_class, 1)
+        return of_class if event_id is None else self.event_lines.get(event_class, {}).get(event_id, of_class)
 
 
 def read_classes(data: bytes, name: str = "") -> ReadResult:
@@ -109,7 +112,7 @@ def read_translations(data: bytes, name: str = "") -> ReadResult:
     The result has no classes. TmcError when the content is not XML, has another root, or has a DTD.
     """
     if _check_root(data, name, (*ROOTS, TRANSLATIONS)) != TRANSLATIONS:
-        return msgspec.structs.replace(read_classes(data, name), classes=(), lines={})
+        return msgspec.structs.replace(read_classes(data, name), classes=(), lines={}, event_lines={})
     reader = _Reader(name)
     try:
         reader.read_translations(etree.fromstring(data, etree.XMLParser(**_OPTIONS)), reader.table)
@@ -156,7 +159,8 @@ class _Reader:
         self.problems: list[Problem] = []
         self.classes: list[EventClass] = []
         self.table: _Table = {}
-        self.lines: dict[tuple[str, int | None], int] = {}
+        self.lines: dict[str, int] = {}
+        self.event_lines: dict[str, dict[int, int]] = {}
 
     def problem(self, line: int, message: str) -> None:
         self.faults += 1
@@ -168,7 +172,9 @@ class _Reader:
 
     def result(self) -> ReadResult:
         classes = tuple(msgspec.structs.replace(found, translations=self.joined(found)) for found in self.classes)
-        return ReadResult(classes, tuple(sorted(self.problems, key=lambda each: each.line)), self.table, self.lines)
+        return ReadResult(
+            classes, tuple(sorted(self.problems, key=lambda each: each.line)), self.table, self.lines, self.event_lines
+        )
 
     def joined(self, found: EventClass) -> _Table:
         joined = {key: dict(table) for key, table in found.translations.items()}
@@ -213,8 +219,8 @@ class _Reader:
         hidden = properties.pop(HIDE_NEEDLESS_ARGUMENTS, "0")
         if class_guid is None:
             return None
-        self.lines[class_guid, None] = self.offset + (element.sourceline or 1)
-        self.lines.update({(class_guid, number): line for number, line in lines.items()})
+        self.lines[class_guid] = self.offset + (element.sourceline or 1)
+        self.event_lines[class_guid] = lines
         return EventClass(
             guid=class_guid,
             name=name,
@@ -284,27 +290,22 @@ class _Reader:
 
     def salvage(self, data: bytes) -> None:
         """Read each DataType that is whole and well-formed on its own, and the file's translations if they are."""
-        text = _decoded(data)
+        text = utf8(data)
         line, last = 1, 0
-        for start, end, tag in _pieces(text):
-            line, last = line + text.count("\n", last, start), start
+        for start, end, tag in pieces(text):
+            line, last = line + text.count(b"\n", last, start), start
             if end < 0:
                 self.problem(line, f"a {tag} is not closed; expected </{tag}>")
                 continue
             piece = text[start:end]
-            if tag == "DataType" and "<EventId" not in piece:
+            if tag == "DataType" and b"<EventId" not in piece:
                 continue
             self.offset = line - 1
             try:
-                if "\N{REPLACEMENT CHARACTER}" in piece:
-                    raise ValueError("bytes that are no text in the file's encoding")
-                element = etree.fromstring(piece.encode("utf-8"), etree.XMLParser(**_OPTIONS))
+                element = etree.fromstring(piece, etree.XMLParser(encoding="utf-8", **_OPTIONS))
             except etree.XMLSyntaxError as error:
-                self.problem(
-                    self.offset + (error.lineno or 1), f"a {tag} cannot be read: {_reason(error)}; expected well-formed XML"
-                )
-            except ValueError as error:
-                self.problem(line, f"a {tag} cannot be read: {error}; expected well-formed XML")
+                reason = _reason(error) if is_utf8(piece) else "bytes that are no text in the file's encoding"
+                self.problem(self.offset + (error.lineno or 1), f"a {tag} cannot be read: {reason}; expected well-formed XML")
             else:
                 if tag == "DataType":
                     self.read_data_type(element)
@@ -350,39 +351,3 @@ def _text(element: etree._Element | None) -> str:
 
 def _stripped(element: etree._Element | None) -> str:
     return _text(element).strip()
-
-
-def _decoded(data: bytes) -> str:
-    """The text of the file by its mark or declaration; U+FFFD where the bytes are none."""
-    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return data.decode("utf-16", "replace")
-    declared = re.match(rb"(?:\xef\xbb\xbf)?<\?xml[^>]{0,200}?encoding=[\"']([A-Za-z0-9._-]{1,40})[\"']", data)
-    try:
-        return data.decode(declared[1].decode("ascii") if declared else "utf-8-sig", "replace")
-    except LookupError:
-        return data.decode("utf-8-sig", "replace")
-
-
-_TOKEN: Final = re.compile(r"<!--|-->|<!\[CDATA\[|\]\]>|<(/?)(DataType|Translations)(?:\s[^<>]*)?>")
-
-
-def _pieces(text: str) -> Iterator[tuple[int, int, str]]:
-    """Start, end and tag of each outermost DataType and Translations outside comments and CDATA; end -1 when not closed."""
-    until: str | None = None
-    opened: tuple[int, str] | None = None
-    for match in _TOKEN.finditer(text):
-        token, closing, tag = match[0], match[1], match[2]
-        if until is not None:
-            until = None if token == until else until
-        elif tag is None:
-            until = {"<!--": "-->", "<![CDATA[": "]]>"}.get(token)
-        elif closing:
-            if opened is not None and opened[1] == tag:
-                yield opened[0], match.end(), tag
-                opened = None
-        elif opened is None or tag == "DataType":
-            if opened is not None:
-                yield opened[0], -1, opened[1]
-            opened = None if token.endswith("/>") else (match.start(), tag)
-    if opened is not None:
-        yield opened[0], -1, opened[1]
