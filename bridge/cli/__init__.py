@@ -44,6 +44,7 @@ COMMANDS: Final = {
     "classes translations import": "bridge.cli.classes_write:translations_import",
     "classes delete-unused": "bridge.cli.classes_write:delete_unused",
     "classes where-used": "bridge.cli.where_used:where_used",
+    "error": "bridge.cli.error:error",
     "router": "bridge.cli.router:router",
     "demo": "bridge.cli.demo:demo",
 }

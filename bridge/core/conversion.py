@@ -16,7 +16,8 @@ from bridge.core.arguments import ZERO_GUID, guid
 from bridge.core.builtin import BUILTIN, TC_GENERAL_ADS, TC_ROUTER, TC_RTIME, TC_SYSTEM, WIN32, builtin_catalog
 from bridge.core.events import EventDefinition, Severity
 
-_WIN32_FACILITY: Final = 0x8007_0000
+WIN32_FACILITY: Final = 0x8007_0000
+"""High word of the HRESULT of a number of Windows."""
 
 
 SUCCESS_EVENT: Final = EventDefinition(ZERO_GUID, 0, Severity.VERBOSE)
@@ -76,7 +77,7 @@ def event_entry_to_hresult_ads_err(entry: EventDefinition) -> int | None:
 
 def win32_to_event_entry(code: int) -> EventDefinition | None:
     """The event of a number of Windows or Winsock (2, 10060), or of its HRESULT (0x80070002); None when it has none."""
-    number = code & 0xFFFF if hresult.from_signed(code) & 0xFFFF_0000 == _WIN32_FACILITY else code
+    number = code & 0xFFFF if hresult.from_signed(code) & 0xFFFF_0000 == WIN32_FACILITY else code
     return _definition(WIN32, number)
 
 
