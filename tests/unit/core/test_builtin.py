@@ -1,6 +1,7 @@
 """The built-in classes: whole, with texts of their own, and the same as in real class files."""
 
 import os
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 import pytest
@@ -104,3 +105,15 @@ def test_the_real_publisher_file_has_our_windows_class() -> None:
     assert shape(real[guid]) == shape(ours)
     texts = [(entry.display_text, ours.events[entry.id].display_text) for entry in real[guid].events.values()]
     assert not [theirs for theirs, text in texts if theirs == text]
+
+
+@pytest.mark.slow
+def test_the_built_in_classes_are_those_of_real_files() -> None:
+    """All nine versions are in pytmc's files: ids, names, severities and hides are ours. Only its data is read."""
+    try:
+        files = distribution("pytmc").files or []
+    except PackageNotFoundError:
+        pytest.skip("pytmc is not installed; make slow installs it")
+    paths = [Path(str(each.locate())) for each in files if each.name in ("KFEArbiter.tmc", "xpp_pulsepicker_motion.tmc")]
+    real = {each.guid: each for path in paths for each in read_classes(path.read_bytes()).classes if each.guid in COUNTS}
+    assert {guid: shape(found) for guid, found in real.items()} == {each.guid: shape(each) for each in BUILTIN}
