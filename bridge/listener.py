@@ -21,10 +21,7 @@ from bridge.attendance import Attendance, Token
 from bridge.core import codec, keys
 from bridge.core.alarms import Alarm, AlarmTable
 from bridge.core.events import DEFAULT_LIMITS, AnyEvent, Event, Limits, MessageSent
-from bridge.core.filters.ast import And, Compare, Everything, Expr, resolve
-from bridge.core.filters.cover import cover, residual
-from bridge.core.filters.predicate import compile_filter
-from bridge.core.filters.text import parse
+from bridge.core.filters.ast import Expr
 from bridge.core.sequence import Beat, Missing, Tracker
 from bridge.edges.bus import Arrival, Bus, Receiver
 from bridge.handover import Handover, dispatch
@@ -46,6 +43,7 @@ from bridge.notices import (
     TwoLoggersError,
 )
 from bridge.repair import Held, ask_log, ask_sender, ask_state, elements_of
+from bridge.sieve import Sieve
 
 __all__ = [
     "BusBack",
@@ -95,21 +93,11 @@ class Listener(Handover):
 
         FilterSyntaxError or AdsError for a bad filter. keep_bytes hands over Heard instead of bare events.
         """
-        if filter is None:
-            filter = Everything()
-        expr = parse(filter, resolve_class=resolve_class) if isinstance(filter, str) else filter
-        expr = resolve(expr, resolve_class)
-        if target is not None:
-            mine = Compare("target", "=", target)
-            expr = mine if isinstance(expr, Everything) else And((mine, expr))
-        self.filter = expr
+        self._sieve = Sieve(filter, target, resolve_class)
+        self._target, self._resolve_class = target, resolve_class
         self.bus, self.realm = bus, realm
         self.counters = ListenerCounters()
         self.tracker = Tracker()
-        self._matches = None if isinstance(expr, Everything) else compile_filter(expr)
-        self._cover = cover(expr)
-        left = residual(expr)
-        self._check = None if isinstance(left, Everything) else compile_filter(left)
         self._limits, self._keep_bytes = limits, keep_bytes
         self._elements: dict[int, Heard] = {}
         super().__init__(Inbox(queue_events, on_full, lambda item: isinstance(item, Event | Heard)))
@@ -120,21 +108,30 @@ class Listener(Handover):
         self._gone: dict[str, str] = {}
         self._final: set[str] = set()
         self._sessions: dict[str, str] = {}
-        self._selected: dict[str, bool] = {}
+        self._replacing = threading.Lock()
         self._beat_seen = threading.Condition(self._work)
 
-        targets = {selection.target for selection in self._cover.selections} or {None}
-        self._targets: list[str | None] = [None] if None in targets else [*sorted(t for t in targets if t is not None)]
-        self._receivers = [bus.receiver(keys.expression(realm, selection)) for selection in self._cover.selections]
-        self._beats = [bus.receiver(keys.verb_key(realm, t, "@beat", None), 4096) for t in self._targets]
-        self._attendance = Attendance(bus, realm, self._targets, came=self._came, left=self._left, connected=self._connected)
+        self._threads: list[threading.Thread] = []
+        self._receivers = self._subscribe()
+        self._beats, self._attendance = self._follow_senders()
         if self._table is not None:
-            for known in self._targets:
+            for known in self._sieve.targets:
                 self._resync(known)
-        self._threads = [
-            threading.Thread(target=self._drain, args=(receiver,), name="listen", daemon=True) for receiver in self._receivers
-        ] + [threading.Thread(target=self._follow, args=(beats,), name="beats", daemon=True) for beats in self._beats]
-        for thread in self._threads:
+        self._start(self._receivers, self._beats)
+
+    def _subscribe(self) -> list[Receiver]:
+        return [self.bus.receiver(keys.expression(self.realm, selection)) for selection in self._sieve.selections]
+
+    def _follow_senders(self) -> tuple[list[Receiver], Attendance]:
+        targets = self._sieve.targets
+        beats = [self.bus.receiver(keys.verb_key(self.realm, target, "@beat", None), 4096) for target in targets]
+        return beats, Attendance(self.bus, self.realm, targets, came=self._came, left=self._left, connected=self._connected)
+
+    def _start(self, receivers: Sequence[Receiver], beats: Sequence[Receiver]) -> None:
+        threads = [threading.Thread(target=self._drain, args=(one,), name="listen", daemon=True) for one in receivers]
+        threads += [threading.Thread(target=self._follow, args=(one,), name="beats", daemon=True) for one in beats]
+        self._threads = [thread for thread in self._threads if thread.is_alive()] + threads
+        for thread in threads:
             thread.start()
 
     # Draining: on our threads, one at a time under _work.
@@ -157,6 +154,8 @@ class Listener(Handover):
         except (codec.CodecError, keys.KeyFormatError) as error:
             self.counters.rejected_payloads += 1
             out.append(Rejected(arrival.key, arrival.payload, str(error), True))
+            return
+        if not self._sieve.wants(arrival.key):  # it came through a filter that was replaced meanwhile
             return
         if self._keep_bytes:
             self._elements.clear()
@@ -212,7 +211,7 @@ class Listener(Handover):
     def _accept(self, events: list[AnyEvent], out: list[Item]) -> None:
         if self._table is not None and events[0].is_alarm:
             events = [event for event in events if self._fold(event, out)]
-        if (check := self._check) is not None:
+        if (check := self._sieve.check) is not None:
             events = [event for event in events if check(event)]
         self.counters.passed += len(events)
         if self._keep_bytes:
@@ -243,33 +242,25 @@ class Listener(Handover):
         """
         if self._table is None:
             return
-        parts, undecodable = ask_state(self.bus, self.realm, target)
-        self.counters.rejected_payloads += undecodable
-        owners: dict[str, list[str]] = {}
-        for name, session in parts:
-            owners.setdefault(name, []).append(session)
-        for name, sessions in owners.items():
-            if len(sessions) > 1:
-                if out is None:
-                    raise TwoLoggersError(name, sessions)
-                both = TwoLoggers(name, tuple(sorted(sessions)))
-                if both not in self._doubles:
-                    self._doubles.add(both)
-                    out.append(both)
-        for (name, session), found in parts.items():
-            if len(owners[name]) > 1 or len({part.seq for part in found}) != 1 or len(found) != found[0].parts:
-                continue
-            alarms = [alarm for part in found for alarm in part.alarms]
-            self._table.load(alarms, session, found[0].seq, target=name)
-            self._loggers[name] = session
+        states = ask_state(self.bus, self.realm, target)
+        self.counters.rejected_payloads += states.undecodable
+        for both in states.doubles:
+            if out is None:
+                raise TwoLoggersError(both.target, both.sessions)
+            if both not in self._doubles:
+                self._doubles.add(both)
+                out.append(both)
+        for state in states.whole:
+            self._table.load(state.alarms, state.session, state.seq, target=state.target)
+            self._loggers[state.target] = state.session
 
     @property
     def alarms(self) -> list[Alarm]:
         """The alarms the filter takes that are active now, by state rather than by event; needs with_state."""
         if self._table is None:
             raise RuntimeError("this listener keeps no alarm state; open it with with_state=True")
-        matches = self._matches
         with self._work:
+            matches = self._sieve.matches
             return [alarm for alarm in self._table.active() if matches is None or matches(alarm)]
 
     @property
@@ -325,18 +316,6 @@ class Listener(Handover):
                 return held
             self._closed.wait(REASK_STEP_S)
 
-    def _wanted(self, key: str) -> bool:
-        known = self._selected.get(key)
-        if known is None:
-            try:
-                parsed = keys.parse_event_key(key)
-            except keys.KeyFormatError:
-                known = False
-            else:
-                known = any(keys.includes(selection, parsed) for selection in self._cover.selections)
-            self._selected[key] = known
-        return known
-
     def _follow(self, beats: Receiver) -> None:
         while arrivals := beats.receive(64):
             latest: dict[str, Beat] = {}
@@ -366,7 +345,7 @@ class Listener(Handover):
 
     def _judge(self, beat: Beat, *, look: bool = False) -> bool:
         """Compare a beat with what came; with look only say whether something is missing."""
-        numbers = {key: number for key, number in beat.keys.items() if self._wanted(key)}
+        numbers = {key: number for key, number in beat.keys.items() if self._sieve.wants(key)}
         out: list[Item] = []
         with self._work:
             if not self.tracker.started(beat.session):
@@ -426,6 +405,43 @@ class Listener(Handover):
         self._inbox.put([BusBack() if there else BusLost()])
 
     # What the user asks of a listener; how items are handed over is in handover.py.
+
+    @property
+    def filter(self) -> Expr:
+        """What it takes, class names resolved."""
+        return self._sieve.filter
+
+    def replace_filter(self, filter: Expr | str | None) -> list[str]:
+        """Take another filter from now on, losing no event that both take or that is sent after this returns.
+
+        The new keys are subscribed before the old ones are given up, and each sender is asked how far it is: its answer is
+        where the promise for keys that are new begins. What comes twice meanwhile is handed over once, if its sender numbers
+        it. Returns the sessions that did not answer: theirs begins with their next beat. Errors as for a new listener, and
+        nothing has changed then. With on_full "wait" and a full queue it waits for whoever reads: call it from elsewhere.
+        """
+        sieve = Sieve(filter, self._target, self._resolve_class)
+        with self._replacing:
+            out: list[Item] = []
+            with self._work:
+                before, receivers, beats = self._sieve, self._receivers, self._beats
+                self._sieve = sieve
+                self._receivers = self._subscribe()
+                fresh_beats: list[Receiver] = []
+                if sieve.targets != before.targets:
+                    self._attendance.close()
+                    self._beats, self._attendance = self._follow_senders()
+                    fresh_beats = self._beats
+                self.tracker.join(lambda key: sieve.wants(key) and not before.wants(key))
+                if self._table is not None:
+                    for target in sieve.targets:
+                        self._resync(target, out)
+            if out:
+                self._inbox.put(out)
+            self._start(self._receivers, fresh_beats)
+            silent = self.settle()
+            for receiver in (*receivers, *(beats if fresh_beats else ())):
+                receiver.close()
+        return silent
 
     def snapshot(self) -> list[Snapshot]:
         """The state as folded so far, one per target whose logger answered; needs with_state."""

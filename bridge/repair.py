@@ -15,7 +15,7 @@ from bridge.core.events import Limits
 from bridge.core.questions import LogPart, LogQuestion, StatePart
 from bridge.core.sequence import Missing
 from bridge.edges.bus import Bus
-from bridge.notices import Heard
+from bridge.notices import Heard, Snapshot, TwoLoggers
 
 
 def elements_of(payload: bytes, encoding: str, decoded: codec.Decoded) -> dict[int, Heard]:
@@ -81,9 +81,17 @@ def ask_log(bus: Bus, realm: str, target: str, missing: Missing) -> list[Heard]:
     return found
 
 
-def ask_state(bus: Bus, realm: str, target: str | None) -> tuple[dict[tuple[str, str], list[StatePart]], int]:
-    """The parts of each logger's state by (target, session), read-only ones left out, and how many could not be decoded."""
-    parts: dict[tuple[str, str], list[StatePart]] = {}
+class States(msgspec.Struct, frozen=True):
+    """What loggers answered: whole states, targets with two loggers (their states are left out), undecodable answers."""
+
+    whole: tuple[Snapshot, ...]
+    doubles: tuple[TwoLoggers, ...]
+    undecodable: int
+
+
+def ask_state(bus: Bus, realm: str, target: str | None) -> States:
+    """The state of the target's logger, or of every logger there is; read-only ones are not counted as loggers."""
+    parts: dict[str, dict[str, list[StatePart]]] = {}
     undecodable = 0
     for answer in bus.ask(keys.verb_key(realm, target, "@state"), timeout_s=2.0):
         if answer.error:
@@ -94,5 +102,11 @@ def ask_state(bus: Bus, realm: str, target: str | None) -> tuple[dict[tuple[str,
             undecodable += 1
             continue
         if not part.read_only:
-            parts.setdefault((part.target, part.session), []).append(part)
-    return parts, undecodable
+            parts.setdefault(part.target, {}).setdefault(part.session, []).append(part)
+    whole = []
+    for name, sessions in parts.items():
+        for session, found in sessions.items():
+            if len(sessions) == 1 and len({part.seq for part in found}) == 1 and len(found) == found[0].parts:
+                whole.append(Snapshot(name, session, found[0].seq, tuple(alarm for part in found for alarm in part.alarms)))
+    doubles = [TwoLoggers(name, tuple(sorted(sessions))) for name, sessions in parts.items() if len(sessions) > 1]
+    return States(tuple(whole), tuple(doubles), undecodable)

@@ -141,3 +141,40 @@ def test_from_one_target_to_another() -> None:
         send(publisher, A, 1)
         assert listener.wait_for_beat(publisher.session, timeout_s=30)
         assert [event.target for event in listener.take(1, 30)] == ["plc2"]
+
+
+def test_what_was_not_wanted_meanwhile_is_not_missing() -> None:
+    """A class is left and wanted again: what was sent between is neither a gap nor fetched."""
+    with open_bus(ALONE) as bus, Publisher(bus, "plc1") as publisher, Listener(bus, AB) as listener:
+        send(publisher, A, 1)
+        assert listener.wait_for_beat(publisher.session, timeout_s=30)
+        assert [event.event_id for event in listener.take(1, 30)] == [1]
+        assert listener.replace_filter(BC) == []
+        send(publisher, A, 2)
+        assert publisher.flush(30)
+        assert listener.replace_filter(AB) == []
+        send(publisher, A, 3)
+        assert publisher.flush(30)
+        assert [event.event_id for event in listener.take(1, 30)] == [3]
+        assert (listener.counters.repaired, listener.counters.missing) == (0, 0)
+
+
+def test_what_still_waits_behind_a_full_queue_is_judged_by_the_new_filter() -> None:
+    """Two events were let through by the old one; three that nobody had looked at yet are not wanted any more."""
+    pause = threading.Event()
+    with (
+        open_bus(ALONE) as bus,
+        Publisher(bus, "plc1") as publisher,
+        Listener(bus, AB, queue_events=1, on_full="wait") as listener,
+    ):
+        for number in (1, 2, 3, 4, 5):
+            send(publisher, A, number)
+            assert publisher.flush(30)
+            for _ in range(3000):
+                if listener.counters.received >= min(number, 2):
+                    break
+                pause.wait(0.01)
+        assert listener.counters.received == 2
+        listener.replace_filter(BC)
+        send(publisher, B, 6)
+        assert [event.event_id for event in listener.take(3, 30)] == [1, 2, 6]
