@@ -121,7 +121,8 @@ def read_classes(data: bytes, name: str = "") -> ReadResult:
 
 def write_classes(classes: Iterable[EventClass]) -> bytes:
     """The content of a TOML file with these classes. ValueError when a text is none (a lone surrogate)."""
-    return "\n".join("\n".join(_class_lines(found)) + "\n" for found in classes).encode("utf-8")
+    text = "\n".join("\n".join(_class_lines(found)) + "\n" for found in classes)
+    return (text or "classes = []\n").encode("utf-8")
 
 
 # READING ----------------------------------------------------------------------------------------------------------------------
