@@ -162,8 +162,9 @@ def replay_to_bus(
             publisher.send(msgspec.structs.replace(event, origin=event.origin or origin))
             if on_progress is not None and report.events % PROGRESS_EVENTS == 0:
                 on_progress(report)
-    finally:
         for publisher in publishers.values():
             publisher.flush(30.0)
+    finally:
+        for publisher in publishers.values():
             report.unsent += publisher.close()
     return report
