@@ -12,6 +12,7 @@ import msgspec
 
 from bridge.core import codec, keys
 from bridge.core.arguments import ZERO_GUID, Argument, ArgumentType, EventReference
+from bridge.core.class_offer import ClassesPart, ClassesQuestion
 from bridge.core.events import (
     AlarmCleared,
     AlarmConfirmed,
@@ -48,6 +49,8 @@ TYPES: Final[dict[str, tuple[type[msgspec.Struct], str]]] = {
     "state-part": (StatePart, "answered on @state"),
     "log-question": (LogQuestion, "asked on @log"),
     "log-part": (LogPart, "answered on @log"),
+    "classes-question": (ClassesQuestion, "asked on @classes"),
+    "classes-part": (ClassesPart, "answered on @classes"),
     "command-question": (CommandQuestion, "asked on @do/{command}"),
     "command-answer": (CommandAnswer, "answered on @do/{command}"),
     "clear-log-question": (ClearLogQuestion, "asked on @do/clear_log"),

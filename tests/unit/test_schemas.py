@@ -12,6 +12,8 @@ from jsonschema import Draft202012Validator
 from bridge.core import codec, keys
 from bridge.core.alarms import AlarmKey, Clear, Confirm, Create, Dispose, Raise, fold
 from bridge.core.arguments import Argument, ArgumentType
+from bridge.core.catalog import EventClass, EventEntry
+from bridge.core.class_offer import ClassesPart, ClassesQuestion
 from bridge.core.events import KIND_NAMES, AlarmRaised, ConfirmationState, MessageSent, Severity
 from bridge.core.filters.ast import And as AndExpr
 from bridge.core.filters.ast import Between, Compare, Expr, Flag, In, IsEmpty, JsonPointer, Like, Not
@@ -214,12 +216,22 @@ def test_schema_and_decoder_miss_the_same(field: str) -> None:
 
 KEY = AlarmKey("plc1", EVENT_CLASS, 7, 0, "")
 ALARMS = tuple(fold([alarm_raised(session="s", seq=1, source_id=0, arguments=(Argument.of(1),))]).alarms.values())
+PUMP = EventClass(
+    EVENT_CLASS,
+    "Pump",
+    "Pumps",
+    {1: EventEntry(1, "RanDry", Severity.ERROR, "Pump {0} ran dry")},
+    {"Pumps": {1031: "Pumpen"}},
+    hides=(EVENT_CLASS,),
+)
 SAMPLES: list[msgspec.Struct] = [
     Beat(target="plc1", session="s", role="logger", seq=9, keys={"k": 4}, final=True, unsent=2),
     Missing("s", "k", 1, 2, 3),
     StatePart(target="plc1", session="s", seq=1, parts=2, part=1, alarms=ALARMS),
     LogQuestion(filter="is_alarm", limit=1, offset=1, newest_first=False, missing=Missing("s", "k", 1, 2)),
     LogPart(session="s", last=False, events=(Stored(event=message_sent(), unique_id=1), Stored(event=alarm_raised()))),
+    ClassesQuestion(guids=(EVENT_CLASS,), names=("Pump",)),
+    ClassesPart(session="s", last=False, classes=(PUMP,), unknown=("Pumps",)),
     CommandQuestion(id="1", command=Create(key=KEY, severity=Severity.ERROR, with_confirmation=True)),
     CommandQuestion(id="1", command=Raise(key=KEY, arguments=(Argument.of(1),), json_attribute="")),
     CommandQuestion(id="1", command=Clear(key=KEY, reset_confirmation=True)),
@@ -241,7 +253,7 @@ def test_other_payloads_fit_their_schemas(name: str) -> None:
     assert samples
     for sample in samples:
         assert [error.message for error in validator.iter_errors(json.loads(msgspec.json.encode(sample)))] == []
-    assert validator.is_valid({}) == (name == "log-question")
+    assert validator.is_valid({}) == (name in ("log-question", "classes-question"))
     assert not validator.is_valid([])
 
 
