@@ -60,8 +60,8 @@ def braced(guid: str) -> str:
 
 def _text(parent: etree._Element, tag: str, text: str, **attributes: str) -> etree._Element:
     element = etree.SubElement(parent, tag, **attributes)
-    # A CR inside CDATA would be read as a line feed; as a plain text it is written as a reference.
-    element.text = text if not text or "]]>" in text or "\r" in text else etree.CDATA(text)
+    # A CR inside CDATA would be read as a line feed; as a plain text it is written as a reference. lxml parts "]]>" itself.
+    element.text = text if not text or "\r" in text else etree.CDATA(text)
     return element
 
 

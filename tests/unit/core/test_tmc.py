@@ -330,6 +330,25 @@ def test_bytes_that_are_no_text_break_only_their_class() -> None:
     assert any("no text in the file's encoding" in problem.message for problem in result.problems)
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "iso-8859-1", "ascii"])
+def test_a_broken_file_in_any_encoding(encoding: str) -> None:
+    """The whole classes are read with their letters; one with bytes that are no text is left out, also where it is replaced."""
+    far = f"<!--{' ' * 600}-->"  # a wrong byte beside the root is a file that is refused
+    text = document(far, data_type(event(text="@")), data_type(event(text="Ü"), name="Valve", guid=OLD), "&nope;")
+    declared = encoding.removesuffix("-sig").removesuffix("-le")
+    text = text.replace('version="1.0"', f'version="1.0" encoding="{declared}"')
+    mark = b"\xff\xfe" if encoding == "utf-16-le" else b""
+    letter = text.replace("Ü", "U") if encoding == "ascii" else text
+    data = mark + letter.encode(encoding)
+    (_, valve) = read_classes(data, "plant.tmc").classes
+    assert valve.events[1].display_text == ("U" if encoding == "ascii" else "Ü")
+    if encoding != "iso-8859-1":  # where every byte is a text
+        wrong = "@".encode(encoding.replace("-sig", "").replace("utf-16", "utf-16-le").replace("-le-le", "-le"))
+        result = read_classes(data.replace(wrong, b"\x00\xdc" if len(wrong) == 2 else b"\xff"), "plant.tmc")
+        assert [found.name for found in result.classes] == ["Valve"]
+        assert any("a DataType cannot be read: bytes that are no text" in problem.message for problem in result.problems)
+
+
 def test_a_class_in_a_comment_is_none() -> None:
     """Neither in a whole nor in a broken file; a comment mark inside a text is just a text."""
     hidden = f"<!-- {data_type(event(), name='Gone')} -->"
