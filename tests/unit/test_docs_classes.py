@@ -55,6 +55,13 @@ def test_the_python_example_runs(tmp_path: Path) -> None:
     assert names["newer"].guid != names["pump"].guid
 
 
+def test_the_example_on_the_bus_runs(tmp_path: Path) -> None:
+    """The second Python example's own assertions hold; it needs no file."""
+    program = tmp_path / "example.py"
+    program.write_text(block("python", 1), encoding="utf-8")
+    assert runpy.run_path(str(program))["texts"].questions == 1
+
+
 def test_the_guid_is_computed_as_described(tmp_path: Path) -> None:
     """The JSON of the page is the content of the Python example's class, in the namespace of the page."""
     program = tmp_path / "example.py"
