@@ -28,6 +28,8 @@ DEFAULT_TARGET: Final = "local"
 """The target of a command that needs one when no setting names it."""
 
 EncodingName: TypeAlias = Literal["json", "msgpack"]
+SyslogTypes: TypeAlias = Literal["none", "messages", "alarms", "both"]
+SeverityName: TypeAlias = Literal["verbose", "info", "warning", "error", "critical"]
 _ENCODINGS: Final[dict[EncodingName, codec.Encoding]] = {"json": codec.JSON, "msgpack": codec.MSGPACK}
 
 
@@ -45,6 +47,9 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     config: str = ""
     encoding: EncodingName = "json"
     operator: str = ""
+    syslog_types: SyslogTypes = "none"
+    syslog_severity: SeverityName = "verbose"
+    syslog_address: str = "/dev/log"
 
     @property
     def one_target(self) -> str:
@@ -69,6 +74,9 @@ HELP: Final = {
     "config": "Zenoh configuration file, taken as it is.",
     "encoding": "What publishers send: json or msgpack. Every reader takes both.",
     "operator": "Who raises, clears, confirms. Not set: the name of the user.",
+    "syslog_types": "What goes into the system's log: none, messages, alarms or both.",
+    "syslog_severity": "The lowest severity that goes into the system's log.",
+    "syslog_address": "Where the system's log is: a path, or HOST:PORT (UDP).",
 }
 """One line per setting, for the help, the documentation and the tests."""
 

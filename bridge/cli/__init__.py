@@ -45,12 +45,16 @@ COMMANDS: Final = {
     "classes delete-unused": "bridge.cli.classes_write:delete_unused",
     "classes where-used": "bridge.cli.where_used:where_used",
     "error": "bridge.cli.error:error",
+    "sink syslog": "bridge.cli.sink:syslog",
+    "config show": "bridge.cli.config:show",
     "router": "bridge.cli.router:router",
     "demo": "bridge.cli.demo:demo",
 }
 """Every command and where it is; the help, README, docs/commands.md and the tests follow this table."""
 _GROUPS: Final = {
     "filter": "Work with filters.",
+    "sink": "Events out to what is no program of ours.",
+    "config": "Work with settings.",
     "classes": "Work with event classes and their texts.",
     "classes translations": "Texts out to translators, and back.",
 }

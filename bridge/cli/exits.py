@@ -1,7 +1,7 @@
 """What a command's exit code means: one table, read by the commands, the help, docs/commands.md and the tests.
 
-Rule 1: 0 says that what was asked for was done and nothing was lost. Commands that run until they are stopped (serve, router,
-listen, record, alarms --watch) end so with 0; the others end a signal with 130 or 143, for their work was not done.
+Rule 1: 0 says that what was asked for was done and nothing was lost. Commands that run until they are stopped (serve, sink,
+router, listen, record, alarms --watch) end so with 0; the others end a signal with 130 or 143, for their work was not done.
 Rule 2: errors are found by the name of their class, so that no command imports what it does not use.
 """
 

@@ -241,3 +241,45 @@ def test_all_alarms_are_confirmed_and_cleared_from_the_command_line(
         assert logger.active_alarms() == []
         assert run(["clear", "--all", *where]) == Exit.OK
         assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("sink syslog", "the sink is off: say --syslog-types messages, alarms or both"),
+        ("sink syslog --syslog-types both --syslog-address log-host:", "--syslog-address: 'log-host:' is no address"),
+        ("sink syslog --syslog-types both --facility plant", "no facility 'plant'; one of"),
+        ("sink syslog --syslog-types all", "--syslog-types"),
+    ],
+)
+def test_what_the_system_log_sink_refuses(
+    line: str, expected: str, capsys: pytest.CaptureFixture[str], bus_config: BusConfig
+) -> None:
+    """It is off by default, and what it cannot use is named."""
+    assert run([*line.split(), "--scouting-group", bus_config.scouting_group]) == Exit.USAGE
+    assert expected in capsys.readouterr().err
+
+
+def test_config_show_says_where_each_value_came_from(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Default, file, environment and option, for every setting; what is misspelled is refused with the nearest name."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("TCBRIDGE_LANG", "de")
+    (tmp_path / "tcbridge.toml").write_text('realm = "plant"\nsyslog_types = "alarms"\n')
+    assert run(["config", "show", "--target", "t1", "--json"]) == Exit.OK
+    rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [row["setting"] for row in rows] == list(config.HELP)
+    origins = {row["setting"]: (row["value"], row["origin"]) for row in rows if row["origin"] != "default"}
+    assert origins == {
+        "target": ("t1", "option --target"),
+        "realm": ("plant", "file tcbridge.toml"),
+        "lang": ("de", "environment TCBRIDGE_LANG"),
+        "syslog_types": ("alarms", "file tcbridge.toml"),
+    }
+    (tmp_path / "tcbridge.toml").write_text('syslog_tipes = "alarms"\n')
+    assert run(["config", "show"]) == Exit.USAGE
+    assert capsys.readouterr().err == "tcbridge: tcbridge.toml: no such setting: syslog_tipes, did you mean syslog_types?\n"
+    (tmp_path / "tcbridge.toml").write_text('syslog_types = "alarm"\n')
+    assert run(["config", "show"]) == Exit.USAGE
+    assert "tcbridge.toml: " in capsys.readouterr().err
