@@ -67,8 +67,6 @@ __all__ = [
 
 RECHECK_S: Final = 0.1
 """How long a tail may stay missing before it is asked for: events and beats come through different queues."""
-REASK_S: Final = 1.0
-REASK_STEP_S: Final = 0.05
 BATCH: Final = 1024
 
 
@@ -304,17 +302,21 @@ class Listener(Handover):
             out.append(Gap(Missing(missing.session, missing.key, follows, missing.last, missing.after_seq), asked))
         self.tracker.pass_over(missing)
         if lost and self._table is not None and "/alarm/" in missing.key:
+            if self._loggers.get(target) == missing.session:
+                del self._loggers[target]  # if it does not tell its state now, it is asked again with its next beat
             self._resync(target, out)
         return numbered
 
     def _ask_sender(self, target: str, missing: Missing) -> Held:
-        """Who shows that it is there and is not heard may just be connecting again: it is asked again, for a second."""
-        deadline = time.monotonic() + REASK_S
-        while True:
-            held = ask_sender(self.bus, self.realm, target, missing, self._limits)
-            if held.heard or not self._attendance.is_there(missing.session) or time.monotonic() > deadline:
-                return held
-            self._closed.wait(REASK_STEP_S)
+        return ask_sender(
+            self.bus,
+            self.realm,
+            target,
+            missing,
+            self._limits,
+            is_there=lambda: self._attendance.is_there(missing.session),
+            wait=self._closed.wait,
+        )
 
     def _follow(self, beats: Receiver) -> None:
         while arrivals := beats.receive(64):

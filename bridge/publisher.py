@@ -105,10 +105,14 @@ class _Kept:
             self.evicted_seq = old.seq
             self._bytes -= len(old.element)
 
-    def find(self, missing: Missing) -> list[bytes]:
+    def entries(self) -> list[_Entry]:
+        return list(self._ring)
+
+    @staticmethod
+    def find(entries: list[_Entry], missing: Missing) -> list[bytes]:
         return [
             entry.element
-            for entry in self._ring
+            for entry in entries
             if entry.state.key == missing.key
             and missing.first <= entry.key_seq <= missing.last
             and entry.seq > missing.after_seq
@@ -367,9 +371,10 @@ class Publisher:
             yield Refusal(f"no range of missing events: {error}")
             return
         with self._lock:
-            found = self._kept.find(missing)
+            entries = self._kept.entries()
             numbered = next((state.sent_key_seq for state in self._keys.values() if state.key == missing.key), 0)
             note = b"%d %d" % (self._kept.evicted_seq, numbered)
+        found = self._kept.find(entries, missing)  # without the lock: it takes longer than send() may
         self.counters.repaired += len(found)
         for start in range(0, max(len(found), 1), REPLY_EVENTS):
             yield Reply(codec.join(found[start : start + REPLY_EVENTS], self._encoding), self._encoding, note)

@@ -6,7 +6,8 @@ Rule 2: no answer and a broken answer are the same here: nothing was found. The 
 
 import contextlib
 import time
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Final, NamedTuple
 
 import msgspec
 
@@ -16,6 +17,10 @@ from bridge.core.questions import LogPart, LogQuestion, StatePart
 from bridge.core.sequence import Missing
 from bridge.edges.bus import Bus
 from bridge.notices import Heard, Snapshot, TwoLoggers
+
+PART_EVENTS: Final = 2048
+PATIENCE_S: Final = 3.0
+_STEP_S: Final = 0.05
 
 
 def elements_of(payload: bytes, encoding: str, decoded: codec.Decoded) -> dict[int, Heard]:
@@ -35,22 +40,64 @@ def elements_of(payload: bytes, encoding: str, decoded: codec.Decoded) -> dict[i
 class Held(NamedTuple):
     """What a sender says about a gap: events by key_seq, the seq up to which it holds nothing, its last number on the key.
 
-    None: it did not tell. heard: somebody answered, if only that time was up.
+    None: it did not tell. whole: it answered and nothing of the answer is missing.
     """
 
     found: dict[int, Heard]
     evicted: int | None = None
     numbered: int | None = None
-    heard: bool = False
+    whole: bool = False
 
 
-def ask_sender(bus: Bus, realm: str, target: str, missing: Missing, limits: Limits) -> Held:
-    """What the sender still holds of a gap."""
+def ask_sender(
+    bus: Bus,
+    realm: str,
+    target: str,
+    missing: Missing,
+    limits: Limits,
+    *,
+    is_there: Callable[[], bool],
+    wait: Callable[[float], object],
+) -> Held:
+    """What the sender still holds of a gap, asked for in parts of PART_EVENTS.
+
+    Who is_there and is not heard may be connecting again, or be asked by many at once: it is asked again until nothing has
+    come for PATIENCE_S.
+    """
+    found: dict[int, Heard] = {}
+    evicted: int | None = None
+    numbered: int | None = None
+    first, last = missing.first, missing.last
+    deadline = time.monotonic() + PATIENCE_S
+    size = PART_EVENTS
+    whole = False
+    while first <= last:
+        part = msgspec.structs.replace(missing, first=first, last=min(last, first + size - 1))
+        held = _ask_part(bus, realm, target, part, limits)
+        found.update(held.found)
+        if held.evicted is not None:
+            evicted, numbered = held.evicted, held.numbered
+            last = last if numbered is None else min(last, numbered)
+        if held.found or held.whole:
+            deadline = time.monotonic() + PATIENCE_S
+        if held.whole and numbered is None:  # it does not tell how far it has come, so the rest is asked for at once
+            size = last
+        whole = held.whole
+        if whole:
+            first = part.last + 1
+        elif not is_there() or time.monotonic() > deadline:
+            break
+        else:
+            wait(_STEP_S)
+    return Held(found, evicted, numbered, whole)
+
+
+def _ask_part(bus: Bus, realm: str, target: str, missing: Missing, limits: Limits) -> Held:
     held = Held({})
     key = keys.parse_event_key(missing.key)
     question = keys.verb_key(realm, target, "@sent", missing.session)
-    for answer in bus.ask(question, msgspec.json.encode(missing), timeout_s=1.0):
-        held = held._replace(heard=True)
+    answers = bus.ask(question, msgspec.json.encode(missing), timeout_s=2.0)
+    for answer in answers:
         if answer.error:
             continue
         with contextlib.suppress(codec.CodecError, ValueError):
@@ -61,7 +108,7 @@ def ask_sender(bus: Bus, realm: str, target: str, missing: Missing, limits: Limi
                 event = heard.event
                 if event.session == missing.session and missing.first <= event.key_seq <= missing.last:
                     held.found[event.key_seq] = heard
-    return held
+    return held._replace(whole=bool(answers) and not any(answer.error for answer in answers))
 
 
 def ask_log(bus: Bus, realm: str, target: str, missing: Missing) -> list[Heard]:
