@@ -28,6 +28,8 @@ COMMANDS: Final = {
     "dispose": "bridge.cli.command:dispose",
     "alarms": "bridge.cli.alarms:alarms",
     "log": "bridge.cli.log:log",
+    "log export": "bridge.cli.log_export:export",
+    "log clear": "bridge.cli.log_clear:clear",
     "listen": "bridge.cli.listen:listen",
     "record": "bridge.cli.record:record",
     "replay": "bridge.cli.replay:replay",
@@ -88,6 +90,10 @@ def make_app(*, lazy: bool = False) -> App:
     groups = {name: App(name=name.split()[-1], help=text, help_epilogue="") for name, text in _GROUPS.items()}
     for number, (name, place) in enumerate((COMMANDS | _HIDDEN).items()):
         group, _, last = name.rpartition(" ")
+        if any(other.startswith(f"{name} ") for other in COMMANDS):  # a command, and the group of others
+            groups[name] = App(name=last, help_epilogue="", sort_key=number)
+            groups[name].default(_function(place))
+            continue
         owner = groups[group] if group else app
         command = place if lazy or name in _HIDDEN else _function(place)
         owner.command(command, name=last, show=name not in _HIDDEN, sort_key=number, help_epilogue="")

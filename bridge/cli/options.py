@@ -136,6 +136,7 @@ def open_bus(settings: config.Settings) -> "Bus":
 def catalog(settings: config.Settings) -> "Catalog":
     """The built-in event classes and those of the settings, which win; what is wrong in files is told and the rest is used."""
     from bridge.core.builtin import builtin_catalog
+    from bridge.core.own_events import OWN_EVENTS
     from bridge.edges.class_files import load_catalog
 
     try:
@@ -144,7 +145,7 @@ def catalog(settings: config.Settings) -> "Catalog":
         raise Usage(f"--classes: {error.filename}: {error.strerror or error}") from None
     for problem in problems:
         note(f"warning: {problem}")
-    return builtin_catalog().merged(found)
+    return builtin_catalog().merged((OWN_EVENTS,)).merged(found)
 
 
 def parse_filter(text: str | None, known: "Catalog") -> "Expr":

@@ -1,17 +1,18 @@
 """`tcbridge serve`: the logger of a target, alone in a program."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import msgspec
 from cyclopts import Group, Parameter
 
-from bridge.cli.exits import Exit
+from bridge.cli.exits import Exit, Usage
 from bridge.cli.options import COMMON, Common, catalog, note, open_bus
 from bridge.cli.show import print_json
 from bridge.cli.signals import Interrupted, wait_for_signal
 
 if TYPE_CHECKING:
+    from bridge.edges.cache import Cache
     from bridge.logger import LoggerCounters
 
 LOGGER = Group("Logger", sort_key=10)
@@ -24,6 +25,14 @@ def serve(
     cache: Annotated[
         Path | None, Parameter(name="--cache", help="SQLite file that keeps the log. Default: memory.", group=LOGGER)
     ] = None,
+    max_size: Annotated[
+        int, Parameter(help="Bytes of the log; half goes when it is full.", group=LOGGER, show_default=True)
+    ] = (20_000_000),
+    max_events: Annotated[int | None, Parameter(help="Events of the log; half goes when there are more.", group=LOGGER)] = None,
+    max_age: Annotated[float | None, Parameter(help="Seconds that an event stays in the log.", group=LOGGER)] = None,
+    move_aside_bad_cache: Annotated[
+        bool, Parameter(help="Rename a cache file that is damaged or another program's, and begin a new one.", group=LOGGER)
+    ] = False,
     durable: Annotated[bool, Parameter(help="Answer commands only when they are safe from a power cut.", group=LOGGER)] = False,
     common: Common = COMMON,
 ) -> int:
@@ -40,12 +49,13 @@ def serve(
 
     settings = common.load()
     known = catalog(settings)
-    with open_bus(settings) as bus:
+    limits = _Limits(max_size, max_events, max_age)
+    with open_bus(settings) as bus, _open_cache(cache, limits, move_aside_bad_cache) as kept:
         logger = EventLogger(
             settings.one_target,
             bus=bus,
             realm=settings.realm,
-            cache=":memory:" if cache is None else cache,
+            cache=kept,
             encoding=settings.wire_encoding,
             durable=durable,
             catalog=known,
@@ -72,6 +82,41 @@ def serve(
     if unsent:
         note(f"{unsent} events were not sent")
     return Exit.LOST if unsent else Exit.OK
+
+
+class _Limits(NamedTuple):
+    size: int
+    events: int | None
+    age_s: float | None
+
+
+def _open_cache(path: Path | None, limits: _Limits, may_move: bool) -> "Cache":
+    """The cache; a bad file is refused, or moved aside when that was allowed."""
+    from bridge.edges.cache import Cache, CacheError, move_aside
+
+    def opened() -> Cache:
+        where = ":memory:" if path is None else path
+        try:
+            cache = Cache(where, max_bytes=limits.size, max_events=limits.events, max_age_s=limits.age_s)
+        except ValueError as error:
+            raise Usage(str(error)) from None
+        try:
+            cache.load_alarms()
+        except CacheError:
+            cache.close()
+            raise
+        return cache
+
+    try:
+        return opened()
+    except CacheError as error:
+        if not error.bad or path is None:
+            raise
+        if not may_move:
+            note("--move-aside-bad-cache renames it and begins a new one")
+            raise
+        note(f"{error}; it is {move_aside(path)} now")
+        return opened()
 
 
 def _counts(counters: "LoggerCounters") -> dict[str, int]:

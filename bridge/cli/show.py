@@ -16,6 +16,7 @@ import msgspec
 
 from bridge.config import Loaded
 from bridge.core.alarms import Alarm
+from bridge.core.event_fields import alarm_state, duration_ns
 from bridge.core.events import AnyEvent, ConfirmationState, Event, Severity
 from bridge.core.times import time_text
 
@@ -204,11 +205,13 @@ class View(NamedTuple):
         ]
         print_table(headers, rows, caption=f"times in UTC on {day}" if day else "", title=title)
 
-    def print_log(self, entries: "Sequence[Stored]") -> None:
-        """Stored events as a table."""
+    def print_log(self, entries: "Sequence[Stored]", *, occurrences: bool = False) -> None:
+        """Stored events as a table; occurrences: each is an alarm's life or a message, with its state and duration."""
         wide = not on_terminal() or shutil.get_terminal_size().columns >= WIDE
         day = _shared_day(time for entry in entries for time in (entry.event.time_ns, *_times(entry.event)))
         headers = ["Time", "Severity", "Event", "Class", "Id", "Unique id", "Text", "Source"]
+        if occurrences:
+            headers[2:3] = ["State", "Duration"]
         known = self.classes(entry.event for entry in entries)
         rows: list[list[Cell]] = []
         for entry in entries:
@@ -223,12 +226,19 @@ class View(NamedTuple):
                 (clean(known.event_text(event, self.lang)), STYLES[event.severity]),
                 source_text(event),
             ]
+            if occurrences:
+                row[2:3] = [alarm_state(event), _duration(event)]
             rows.append([*row, *(_time(time, day) for time in _times(event))] if wide else row)
         print_table(
             [*headers, "Raised", "Cleared", "Confirmed"] if wide else headers,
             rows,
             caption=f"times in UTC on {day}" if day else "",
         )
+
+
+def _duration(event: AnyEvent) -> str:
+    lasted_ns = duration_ns(event)
+    return "" if lasted_ns is None else f"{lasted_ns / 1e9:.3f} s"
 
 
 def _times(item: Event | Alarm) -> tuple[int, int, int]:

@@ -24,8 +24,8 @@ from typing import Final, TypeAlias, cast
 
 import msgspec
 
-from bridge.core.catalog import ENGLISH, Catalog, Language, language_id, language_tag
-from bridge.core.event_fields import FIELD_ROWS, EventField, value
+from bridge.core.catalog import ENGLISH, Language, language_id, language_tag
+from bridge.core.event_fields import FIELD_ROWS, EventField, Names, value
 from bridge.core.events import AnyEvent, Severity
 from bridge.core.filters.ast import JsonPointer
 from bridge.core.filters.pointer import NOTHING, JsonNumber, find, read_json, text_of
@@ -137,7 +137,7 @@ class _Pieces:
         return text
 
 
-def export_csv(rows: Iterable[Stored], catalog: Catalog, settings: CsvSettings = DEFAULT) -> Iterator[str]:
+def export_csv(rows: Iterable[Stored], catalog: Names, settings: CsvSettings = DEFAULT) -> Iterator[str]:
     """The rows as CSV, in pieces of up to 256 rows. Times may be outside no range: each is of an event."""
     columns = settings.all_columns
     cells = [_cell(column, catalog, settings) for column in columns]
@@ -159,14 +159,14 @@ def export_csv(rows: Iterable[Stored], catalog: Catalog, settings: CsvSettings =
         yield pieces.take()
 
 
-def export_jsonl(rows: Iterable[Stored], catalog: Catalog, language: Language = ENGLISH) -> Iterator[str]:
+def export_jsonl(rows: Iterable[Stored], catalog: Names, language: Language = ENGLISH) -> Iterator[str]:
     """The rows as JSON Lines: the fields of the wire, unique_id, arrival_ns, class_name and text."""
     source = iter(rows)
     while chunk := list(islice(source, CHUNK_ROWS)):
         yield "".join(_line(row, catalog, language) for row in chunk)
 
 
-def _line(row: Stored, catalog: Catalog, language: Language) -> str:
+def _line(row: Stored, catalog: Names, language: Language) -> str:
     found: dict[str, object] = msgspec.to_builtins(row.event)
     found["unique_id"], found["arrival_ns"] = row.unique_id, row.arrival_ns
     found["class_name"] = catalog.class_name(row.event.event_class, language)
@@ -195,7 +195,7 @@ def unescape(cell: str) -> str:
     return cell.removeprefix("'")
 
 
-def _cell(column: Column, catalog: Catalog, settings: CsvSettings) -> _Cell:
+def _cell(column: Column, catalog: Names, settings: CsvSettings) -> _Cell:
     read = _reader(column, catalog, settings)
     risky = _RISKY.match
 
@@ -209,7 +209,7 @@ def _cell(column: Column, catalog: Catalog, settings: CsvSettings) -> _Cell:
     return written
 
 
-def _reader(column: Column, catalog: Catalog, settings: CsvSettings) -> _Cell:
+def _reader(column: Column, catalog: Names, settings: CsvSettings) -> _Cell:
     field = column.field
     language = settings.language if column.language is None else column.language
     if column.pointer:

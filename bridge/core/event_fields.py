@@ -14,7 +14,7 @@ from typing import Final, Literal, Protocol, TypeAlias
 
 import msgspec
 
-from bridge.core.catalog import Catalog, Language
+from bridge.core.catalog import ENGLISH, Language
 from bridge.core.events import AnyEvent, ConfirmationState
 
 
@@ -72,6 +72,13 @@ class Row(Protocol):
     def event(self) -> AnyEvent: ...
     @property
     def unique_id(self) -> int: ...
+
+
+class Names(Protocol):
+    """What knows texts and class names: a Catalog, or what stands for one that still learns."""
+
+    def class_name(self, event_class: str, language: Language = ENGLISH) -> str: ...
+    def event_text(self, event: AnyEvent, language: Language = ENGLISH) -> str: ...
 
 
 class FieldRow(msgspec.Struct, frozen=True):
@@ -137,7 +144,7 @@ def duration_ns(event: AnyEvent) -> int | None:
     return event.time_cleared_ns - event.time_raised_ns
 
 
-def value(field: EventField, row: Row, catalog: Catalog, language: Language) -> int | str | None:
+def value(field: EventField, row: Row, catalog: Names, language: Language) -> int | str | None:
     """The field's value: times in Unix ns (0: not set), a duration in ns, the severity as its number; None when absent."""
     event = row.event
     match field:
