@@ -3,12 +3,13 @@
 import threading
 from collections.abc import Iterable, Iterator
 
+import msgspec
 import pytest
 
 from bridge.core import keys
 from bridge.core.arguments import Argument, EventReference
 from bridge.core.catalog import Catalog, EventClass, EventEntry, LanguageError
-from bridge.core.class_offer import ClassesQuestion
+from bridge.core.class_offer import ClassesPart, ClassesQuestion
 from bridge.core.events import MessageSent, Severity
 from bridge.core.hresult import ADS_E_INVALIDSTATE, ADS_E_NOMOREHDL, ADS_E_NOTFOUND, AdsError
 from bridge.edges.bus import ALONE, Bus, Question, Reply, open_bus
@@ -145,9 +146,15 @@ def test_an_answer_that_is_none(bus: Bus, payload: bytes) -> None:
 
 def test_an_answer_nobody_asked_for_is_not_kept(bus: Bus) -> None:
     """Who is asked for one class cannot slip in another."""
-    with Texts(bus) as texts, ClassOffer(bus, "plc1", Catalog([AXIS, PUMP])):
-        texts.text(message())
+
+    def everything(_question: Question) -> Iterable[Reply]:
+        return [Reply(msgspec.json.encode(ClassesPart(session="s", classes=(AXIS, PUMP))))]
+
+    answering = bus.answer(keys.verb_key("live", "plc1", "@classes"), everything)
+    with Texts(bus) as texts:
+        assert texts.text(message()) == "Axis 3 lags"
         assert [each.guid for each in texts.catalog] == [AXIS_GUID]
+    answering.close()
 
 
 def test_somebody_who_does_not_answer(bus: Bus) -> None:

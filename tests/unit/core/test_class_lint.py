@@ -151,6 +151,16 @@ def test_a_key_is_no_text() -> None:
     assert [each.rule for each in findings(text, languages=(1031, 1036))] == ["missing-language"]
 
 
+def test_prose_is_english() -> None:
+    """A class without any text under 1033 has its display texts for English; one event twice is one fault."""
+    event = '<EventId><Name Id="1">A</Name><DisplayName>Dry</DisplayName><Severity>Info</Severity></EventId>'
+    text = (
+        f"""<TcModuleClass><DataTypes><DataType><Name GUID="{OLD}">Pump</Name>{event}</DataType></DataTypes></TcModuleClass>"""
+    )
+    assert findings(text, languages=(1033,)) == []
+    assert [each.rule for each in findings(text.replace(event, event * 2))] == ["duplicate-id"]
+
+
 def test_a_hidden_class_in_a_recording() -> None:
     """Seen in use, the hidden version is reported with where and how often; the current one is not."""
     text = FAULTY.replace("<EventClass><Type", "<Nothing><Type").replace("</Type></EventClass>", "</Type></Nothing>")
