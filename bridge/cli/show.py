@@ -127,10 +127,10 @@ def severity_span(severity: Severity) -> Span:
     return severity.name.lower(), STYLES[severity]
 
 
-def source_text(source: "Event | Alarm") -> str:
-    """Where it happened: the name, else the object id, else the GUID."""
+def source_text(source: "Event | Alarm", known: "Catalog | None" = None, lang: str = "") -> str:
+    """Where it happened: the name, in the language if a class known has it, else the object id, else the GUID."""
     if source.source_name is not None:
-        return source.source_name
+        return known.source_name(source.source_name, source.source_guid, lang) if known is not None else source.source_name
     if source.source_id is not None:
         return f"0x{source.source_id:08X}"
     return source.source_guid or ""
@@ -150,8 +150,8 @@ class View(NamedTuple):
     def spans(self, event: AnyEvent) -> list[Span]:
         """One event as one readable line: time, target, severity, what happened, class, id, text, source."""
         style = STYLES[event.severity]
-        source = source_text(event)
         known = self.classes((event,))
+        source = source_text(event, known, self.lang)
         head = f"{known.class_name(event.event_class, self.lang)} {event.event_id}: "
         return [
             (f"{time_text(event.time_ns, 3) or '-':24}  ", "dim"),
@@ -198,7 +198,7 @@ class View(NamedTuple):
                 known.class_name(alarm.event_class, self.lang),
                 str(alarm.event_id),
                 (clean(known.event_text(alarm, self.lang)), STYLES[alarm.severity]),
-                source_text(alarm),
+                source_text(alarm, known, self.lang),
                 *(_time(time, day) for time in _times(alarm)),
             ]
             for alarm in alarms
@@ -224,7 +224,7 @@ class View(NamedTuple):
                 str(event.event_id),
                 str(entry.unique_id),
                 (clean(known.event_text(event, self.lang)), STYLES[event.severity]),
-                source_text(event),
+                source_text(event, known, self.lang),
             ]
             if occurrences:
                 row[2:3] = [alarm_state(event), _duration(event)]
