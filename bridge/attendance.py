@@ -47,6 +47,7 @@ class Attendance:
         self._closed = threading.Event()
         self._there: dict[str, set[Token]] = {}
         self._away: set[Token] = set()
+        self._bus, self._routed = bus, bus.has_router()
         self._lost = False
         self._lost_s = self._back_s = float("-inf")
         self._roll_call: threading.Timer | None = None
@@ -73,8 +74,9 @@ class Attendance:
                 lives_on, lost = bool(self._there.get(session)), self._lost
             if not lives_on and not lost:
                 self._closed.wait(SETTLE_S)
+            unreachable = self._routed and not self._bus.has_router()
             with self._lock:
-                if self._lost or self._lost_s > time.monotonic() - _RECENT_S:
+                if unreachable or self._lost or self._lost_s > time.monotonic() - _RECENT_S:
                     self._away.add(token)
                     return
             self._left(token, not lives_on)
@@ -82,6 +84,7 @@ class Attendance:
     def _connection_changed(self, there: bool) -> None:
         with self._lock:
             self._lost = not there
+            self._routed = True
             if there:
                 self._back_s = time.monotonic()
                 self._roll_call = threading.Timer(AWAY_S, self._call_roll, (self._back_s,))

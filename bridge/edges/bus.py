@@ -255,6 +255,10 @@ class Bus:
         """How many other sessions this one is linked to now."""
         return len(list(self._session.info.peers_zid())) + len(list(self._session.info.routers_zid()))
 
+    def has_router(self) -> bool:
+        """Whether this session is linked to a router now."""
+        return bool(list(self._session.info.routers_zid()))
+
     def undiscovered_s(self) -> float:
         """For how long from now somebody who was there all the time may still turn up; 0 when everybody is known."""
         return max(0.0, self._found_s - time.monotonic())
