@@ -38,8 +38,7 @@ DEAF = """
 import ctypes
 from bridge.cli.signals import clean_end
 with clean_end(0.3):
-    print("ready", flush=True)
-    ctypes.CDLL(None).system(b"exec sleep 4")
+    ctypes.CDLL(None).system(b"echo ready; exec sleep 4")
 """
 NUMBERS = [signal.SIGINT, signal.SIGTERM]
 
