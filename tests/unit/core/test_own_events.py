@@ -1,0 +1,26 @@
+"""The class of our own events: its GUID never changes, and it has every text."""
+
+from bridge.core.arguments import Argument
+from bridge.core.catalog import Catalog
+from bridge.core.own_events import CACHE_DROPPED, LOG_CLEARED, OWN_CLASS, OWN_EVENTS
+
+
+def test_the_class_is_fixed() -> None:
+    """Logs of years hold this GUID and these ids."""
+    assert OWN_CLASS == OWN_EVENTS.guid == "7c1b6f0e-54c3-4b52-9b0a-7463627269d6"
+    assert (CACHE_DROPPED, LOG_CLEARED) == (1, 2)
+    assert {1, 2} <= set(OWN_EVENTS.events)
+
+
+def test_each_event_has_a_text_in_two_languages() -> None:
+    """With all its arguments in it, so that none is left over in parentheses."""
+    catalog = Catalog([OWN_EVENTS])
+    dropped = (Argument.of(5), Argument.of("max_age"))
+    assert catalog.text(OWN_CLASS, CACHE_DROPPED, dropped) == "The log dropped its 5 oldest events (max_age)"
+    assert (
+        catalog.text(OWN_CLASS, CACHE_DROPPED, dropped, "de")
+        == "Das Protokoll hat seine 5 ältesten Ereignisse verworfen (max_age)"
+    )
+    cleared = tuple(map(Argument.of, (7, "anna", "hmi", "why")))
+    assert catalog.text(OWN_CLASS, LOG_CLEARED, cleared) == "7 events of the log were cleared by anna at hmi: why"
+    assert catalog.text(OWN_CLASS, LOG_CLEARED, cleared, 1031).startswith("7 Ereignisse")
