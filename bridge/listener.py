@@ -460,19 +460,24 @@ class Listener(Handover):
             ]
 
     def settle(self, timeout_s: float = 1.0) -> list[str]:
-        """Ask every sender how far it is and take in what is missing; returns the sessions that cannot tell any more."""
+        """Ask every sender how far it is and take in what is missing; returns the sessions that cannot tell any more.
+
+        timeout_s is for all of them: a sender that stands still costs the others what it takes.
+        """
+        deadline = time.monotonic() + timeout_s
         with self._work:
             open_sessions = {s: t for s, t in self._sessions.items() if s not in self._final and self.tracker.started(s)}
         silent = []
         for session, target in open_sessions.items():
-            answers = self.bus.ask(keys.verb_key(self.realm, target, "@sent", session), timeout_s=timeout_s)
+            left_s = max(RECHECK_S, deadline - time.monotonic())
+            answers = self.bus.ask(keys.verb_key(self.realm, target, "@sent", session), timeout_s=left_s)
             beats = []
             for answer in answers:
                 with contextlib.suppress(msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
                     beats.append(msgspec.json.decode(answer.payload, type=Beat))
             if not beats:
                 # Who is closing just now answers no more, but its final beat is on its way through another queue.
-                if not self.wait_for_final(session, timeout_s):
+                if not self.wait_for_final(session, left_s):
                     silent.append(session)
             elif self._judge(beats[0], look=True):
                 self._closed.wait(RECHECK_S)

@@ -80,7 +80,7 @@ def test_what_was_sent_can_be_asked_for() -> None:
 
 
 def test_the_ring_forgets_the_oldest_and_says_so() -> None:
-    """Beyond ring_events an event can no longer be had; the note of an answer names the last seq forgotten and the last number."""
+    """Beyond ring_events an event can no longer be had; an answer notes the last seq forgotten and the last number."""
     with open_bus(ALONE) as bus, Publisher(bus, "plc1", ring_events=4) as publisher:
         sent = [publisher.send_message(CLASS, number, Severity.INFO) for number in range(10)]
         missing = Missing(publisher.session, keys.event_key("live", sent[0]), 1, 10)

@@ -21,6 +21,6 @@ def test_each_event_has_a_text_in_two_languages() -> None:
         catalog.text(OWN_CLASS, CACHE_DROPPED, dropped, "de")
         == "Das Protokoll hat seine 5 ältesten Ereignisse verworfen (max_age)"
     )
-    cleared = tuple(map(Argument.of, (7, "anna", "hmi", "why")))
+    cleared = (Argument.of(7), *(Argument.of(text) for text in ("anna", "hmi", "why")))
     assert catalog.text(OWN_CLASS, LOG_CLEARED, cleared) == "7 events of the log were cleared by anna at hmi: why"
     assert catalog.text(OWN_CLASS, LOG_CLEARED, cleared, 1031).startswith("7 Ereignisse")
