@@ -22,6 +22,7 @@ from typing import Final, TypeVar
 
 import msgspec
 
+from bridge.clock import SteadyClock
 from bridge.core import codec, keys
 from bridge.core.arguments import Argument, Value, guid
 from bridge.core.events import DEFAULT_LIMITS, AnyEvent, Limits, MessageSent, Severity, Source, check_limits, check_values
@@ -139,7 +140,8 @@ class Publisher:
         ring_bytes: int = 32_000_000,
         clock: Callable[[], int] = time.time_ns,
     ) -> None:
-        """object_id is the source id of events without a source (TcCOM); clock gives Unix ns for events without a time.
+        """object_id is the source id of events without a source (TcCOM); clock gives Unix ns for events without a time,
+        which never go back (clock.py).
 
         session is a random id unless one is given; no two publishers may have the same.
         """
@@ -147,7 +149,7 @@ class Publisher:
         self.session = session or os.urandom(8).hex()
         self.counters = Counters()
         self._encoding, self._limits, self._object_id = encoding, limits, object_id
-        self._may_drop, self._queue_events, self._clock = on_full == "drop", queue_events, clock
+        self._may_drop, self._queue_events, self._clock = on_full == "drop", queue_events, SteadyClock.of(clock)
         self._keys: dict[tuple[str, bool, Severity], _Key] = {}
         self._kept = _Kept(ring_events, ring_bytes)
         self._seq = 0
@@ -196,7 +198,7 @@ class Publisher:
             event_class=guid(event_class),
             event_id=event_id,
             severity=Severity(severity),
-            time_ns=time_ns or self._clock(),
+            time_ns=time_ns,
             source_id=source.id,
             source_name=source.name,
             source_guid=source.guid,

@@ -26,6 +26,7 @@ from typing import Final, Self
 
 import msgspec
 
+from bridge.clock import SteadyClock
 from bridge.core import codec, keys
 from bridge.core.alarms import Alarm, AlarmKey
 from bridge.core.arguments import Argument, Value
@@ -144,6 +145,7 @@ class EventLogger(Commands):
         self.counters = LoggerCounters()
         self.read_only = ""
         """Why commands are refused: an older logger is there. "" while this logger is the one."""
+        clock = SteadyClock.of(clock)
         self._clock, self._durable, self._on_read_only = clock, durable, on_read_only
         self._closing = False
         self._closed: int | None = None

@@ -60,4 +60,7 @@ def test_the_clock_jumps_while_events_flow(jump_ns: int, bus_config: BusConfig) 
         assert listener.table.state() == logger.book.logbook.table.state()
         transitions = [event for event in heard if isinstance(event, AlarmEvent)]
         assert listener.table.alarms[alarm.key].time_ns == transitions[-1].time_ns
-        assert (stored[-1].event.time_ns > stored[0].event.time_ns) == (jump_ns > 0)
+        for is_alarm in (True, False):
+            times = [entry.event.time_ns for entry in stored if entry.event.is_alarm == is_alarm]
+            assert times == sorted(times)
+        assert (stored[-1].event.time_ns - stored[0].event.time_ns > 47 * HOUR_NS) == (jump_ns > 0)
