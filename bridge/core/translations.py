@@ -25,6 +25,8 @@ from bridge.core.tmc_writer import document, translations_element
 Table: TypeAlias = dict[str, dict[str, dict[int, str]]]
 """GUID of the class, or "" for all; text; LCID; translated text."""
 EVERY: Final = ""
+MAX_CELL: Final = 131_072
+"""Characters of a field; the csv module's own limit is one for the whole process, and others raise it."""
 _HEAD: Final = ("class", "guid", "text")
 
 
@@ -155,6 +157,8 @@ def read_csv(data: bytes, name: str = "") -> Table:
     lcids: tuple[int, ...] | None = None
     try:
         for row in reader:
+            if any(len(cell) > MAX_CELL for cell in row):
+                raise ValueError(f"a field of more than {MAX_CELL:,} characters")
             if lcids is None:
                 lcids = _languages(row)
             elif any(row):

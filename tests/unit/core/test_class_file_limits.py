@@ -45,7 +45,9 @@ resource.setrlimit(resource.RLIMIT_CPU, ({SECONDS} + 1, {SECONDS} + 1))
 resource.setrlimit(resource.RLIMIT_AS, (600_000_000, 600_000_000))
 exec(sys.stdin.read())
 usage = resource.getrusage(resource.RUSAGE_SELF)
-print(f"{{usage.ru_utime + usage.ru_stime:.2f}} s, {{usage.ru_maxrss / 1000:.0f}} MB")
+# Not ru_maxrss: it begins with the size of the process that started this one.
+(peak,) = [line.split()[1] for line in open("/proc/self/status") if line.startswith("VmHWM:")]
+print(f"{{usage.ru_utime + usage.ru_stime:.2f}} s, {{int(peak) / 1000:.0f}} MB")
 """
 
 

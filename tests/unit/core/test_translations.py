@@ -195,7 +195,7 @@ def test_what_a_spreadsheet_makes_of_it_is_read() -> None:
         ("class,guid,text,de\na,b\n", 2, "2 columns; expected 4"),
         ("class,guid,text,de\n,,a,b\n,,a,c\n", 3, "'a' has two translations into de-DE; expected one"),
         ('class,guid,text,de\n,,"a,b\n', 2, "unexpected end of data"),
-        ("class,guid,text,de\n,,a," + "b" * 200_000, 2, "field larger than field limit"),
+        ("class,guid,text,de\n,,a," + "b" * 200_000, 2, "field"),
     ],
 )
 def test_a_broken_csv_file_is_refused(text: str, line: int, message: str) -> None:
