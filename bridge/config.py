@@ -47,6 +47,11 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     config: str = ""
     encoding: EncodingName = "json"
     operator: str = ""
+    cache: str = ""
+    max_size: int = 20_000_000
+    max_events: int = 0
+    max_age: float = 0.0
+    durable: bool = False
     syslog_types: SyslogTypes = "none"
     syslog_severity: SeverityName = "verbose"
     syslog_address: str = "/dev/log"
@@ -74,13 +79,18 @@ HELP: Final = {
     "config": "Zenoh configuration file, taken as it is.",
     "encoding": "What publishers send: json or msgpack. Every reader takes both.",
     "operator": "Who raises, clears, confirms. Not set: the name of the user.",
+    "cache": "SQLite file that keeps a logger's log. Not set: memory.",
+    "max_size": "Bytes of the log; half goes when it is full.",
+    "max_events": "Events of the log; half goes when there are more. 0: no limit.",
+    "max_age": "Seconds that an event stays in the log. 0: no limit.",
+    "durable": "Answer commands only when they are safe from a power cut.",
     "syslog_types": "What goes into the system's log: none, messages, alarms or both.",
     "syslog_severity": "The lowest severity that goes into the system's log.",
     "syslog_address": "Where the system's log is: a path, or HOST:PORT (UDP).",
 }
 """One line per setting, for the help, the documentation and the tests."""
 
-_PATHS: Final = ("classes", "config")
+_PATHS: Final = ("classes", "config", "cache")
 _SEPARATORS: Final = {"classes": os.pathsep, "connect": ",", "listen": ","}
 """How a variable holds several values."""
 

@@ -43,12 +43,12 @@ class Basic:
     ] = False
     json: Annotated[bool, Parameter(help="For programs: JSON, one object per line.", group=PROGRAM)] = False
 
-    def loaded(self, **more: str | None) -> config.Loaded:
+    def loaded(self, **more: object) -> config.Loaded:
         """The settings and their origins, with options of one command beside the shared ones."""
         given = {field.name: _plain(getattr(self, field.name)) for field in fields(self) if field.name in config.HELP}
         return config.load(given | more, os.environ, self.settings)
 
-    def load(self, **more: str | None) -> config.Settings:
+    def load(self, **more: object) -> config.Settings:
         """The settings; with --show-settings prints them and ends."""
         loaded = self.loaded(**more)
         if self.show_settings:

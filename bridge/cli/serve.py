@@ -1,7 +1,7 @@
 """`tcbridge serve`: the logger of a target, alone in a program."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 from cyclopts import Group, Parameter
@@ -10,6 +10,7 @@ from bridge.cli.exits import Exit, Usage
 from bridge.cli.options import COMMON, Common, catalog, note, open_bus
 from bridge.cli.show import print_json
 from bridge.cli.signals import Interrupted, wait_for_signal
+from bridge.config import HELP, Settings
 
 if TYPE_CHECKING:
     from bridge.edges.cache import Cache
@@ -22,18 +23,14 @@ CLOSE_S = 1.5
 
 def serve(
     *,
-    cache: Annotated[
-        Path | None, Parameter(name="--cache", help="SQLite file that keeps the log. Default: memory.", group=LOGGER)
-    ] = None,
-    max_size: Annotated[
-        int, Parameter(help="Bytes of the log; half goes when it is full.", group=LOGGER, show_default=True)
-    ] = (20_000_000),
-    max_events: Annotated[int | None, Parameter(help="Events of the log; half goes when there are more.", group=LOGGER)] = None,
-    max_age: Annotated[float | None, Parameter(help="Seconds that an event stays in the log.", group=LOGGER)] = None,
+    cache: Annotated[Path | None, Parameter(help=HELP["cache"], group=LOGGER)] = None,
+    max_size: Annotated[int | None, Parameter(help=HELP["max_size"], group=LOGGER)] = None,
+    max_events: Annotated[int | None, Parameter(help=HELP["max_events"], group=LOGGER)] = None,
+    max_age: Annotated[float | None, Parameter(help=HELP["max_age"], group=LOGGER)] = None,
     move_aside_bad_cache: Annotated[
         bool, Parameter(help="Rename a cache file that is damaged or another program's, and begin a new one.", group=LOGGER)
     ] = False,
-    durable: Annotated[bool, Parameter(help="Answer commands only when they are safe from a power cut.", group=LOGGER)] = False,
+    durable: Annotated[bool | None, Parameter(help=HELP["durable"], group=LOGGER, negative="")] = None,
     common: Common = COMMON,
 ) -> int:
     """Run the logger of a target until stopped.
@@ -47,17 +44,22 @@ def serve(
     """
     from bridge.logger import EventLogger
 
-    settings = common.load()
+    settings = common.load(
+        cache=None if cache is None else str(cache),
+        max_size=max_size,
+        max_events=max_events,
+        max_age=max_age,
+        durable=durable,
+    )
     known = catalog(settings)
-    limits = _Limits(max_size, max_events, max_age)
-    with open_bus(settings) as bus, _open_cache(cache, limits, move_aside_bad_cache) as kept:
+    with open_bus(settings) as bus, _open_cache(settings, move_aside_bad_cache) as kept:
         logger = EventLogger(
             settings.one_target,
             bus=bus,
             realm=settings.realm,
             cache=kept,
             encoding=settings.wire_encoding,
-            durable=durable,
+            durable=settings.durable,
             catalog=known,
             on_read_only=lambda reason: note(f"read-only: {reason}"),
         )
@@ -66,7 +68,7 @@ def serve(
             if common.json:
                 print_json({"ready": "logger", "target": logger.target, "realm": logger.realm, "session": logger.session})
             else:
-                where = "memory" if cache is None else str(cache)
+                where = settings.cache or "memory"
                 print(f"logger of {logger.target} in realm {logger.realm} is ready, log in {where}", flush=True)
             wait_for_signal()
         except Interrupted:
@@ -84,20 +86,18 @@ def serve(
     return Exit.LOST if unsent else Exit.OK
 
 
-class _Limits(NamedTuple):
-    size: int
-    events: int | None
-    age_s: float | None
-
-
-def _open_cache(path: Path | None, limits: _Limits, may_move: bool) -> "Cache":
+def _open_cache(settings: Settings, may_move: bool) -> "Cache":
     """The cache; a bad file is refused, or moved aside when that was allowed."""
     from bridge.edges.cache import Cache, CacheError, move_aside
 
     def opened() -> Cache:
-        where = ":memory:" if path is None else path
         try:
-            cache = Cache(where, max_bytes=limits.size, max_events=limits.events, max_age_s=limits.age_s)
+            cache = Cache(
+                settings.cache or ":memory:",
+                max_bytes=settings.max_size,
+                max_events=settings.max_events or None,
+                max_age_s=settings.max_age or None,
+            )
         except ValueError as error:
             raise Usage(str(error)) from None
         try:
@@ -110,12 +110,12 @@ def _open_cache(path: Path | None, limits: _Limits, may_move: bool) -> "Cache":
     try:
         return opened()
     except CacheError as error:
-        if not error.bad or path is None:
+        if not error.bad or not settings.cache:
             raise
         if not may_move:
             note("--move-aside-bad-cache renames it and begins a new one")
             raise
-        note(f"{error}; it is {move_aside(path)} now")
+        note(f"{error}; it is {move_aside(Path(settings.cache))} now")
         return opened()
 
 
