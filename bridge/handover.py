@@ -25,7 +25,7 @@ from bridge.core.events import (
     is_active,
 )
 from bridge.inbox import Inbox
-from bridge.notices import Heard, Item, Notice
+from bridge.notices import Heard, Item, Notice, Snapshot
 
 PAUSE: Final = "pause"
 """What a callback returns to be called no more until the next poll."""
@@ -43,7 +43,7 @@ class Polled(msgspec.Struct, frozen=True):
 class Handover:
     """The user's side of a listener."""
 
-    def __init__(self, inbox: "Inbox[AnyEvent | Heard | Notice]") -> None:
+    def __init__(self, inbox: "Inbox[AnyEvent | Heard | Snapshot | Notice]") -> None:
         """inbox: where the items come from."""
         self._inbox = inbox
         self._closed = threading.Event()

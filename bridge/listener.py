@@ -11,6 +11,7 @@ Rule 5: the promise starts with the first beat of a session after subscribing.
 import contextlib
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Final
@@ -23,7 +24,7 @@ from bridge.core.alarms import Alarm, AlarmTable
 from bridge.core.events import DEFAULT_LIMITS, AnyEvent, Event, Limits, MessageSent
 from bridge.core.filters.ast import Expr
 from bridge.core.sequence import Beat, Missing, Tracker
-from bridge.edges.bus import Arrival, Bus, Receiver
+from bridge.edges.bus import DEFAULT_CAPACITY, Arrival, Bus, Receiver
 from bridge.handover import Handover, dispatch
 from bridge.inbox import Dropped, Inbox, OnFull
 from bridge.notices import (
@@ -67,7 +68,10 @@ __all__ = [
 
 RECHECK_S: Final = 0.1
 """How long a tail may stay missing before it is asked for: events and beats come through different queues."""
-BATCH: Final = 1024
+BATCH: Final = 64
+MAX_ENDED: Final = 1000
+"""How many sessions that have said their last word are remembered."""
+FULL_ROUNDS: Final = DEFAULT_CAPACITY // BATCH
 
 
 class Listener(Handover):
@@ -104,11 +108,14 @@ class Listener(Handover):
         self._loggers: dict[str, str] = {}
         self._doubles: set[TwoLoggers] = set()
         self._gone: dict[str, str] = {}
-        self._final: set[str] = set()
+        self._final: dict[str, None] = {}
+        self._last_words: set[str] = set()
         self._sessions: dict[str, str] = {}
         self._replacing = threading.Lock()
         self._beat_seen = threading.Condition(self._work)
 
+        self._behind: set[Receiver] = set()
+        self._rounds: Counter[Receiver] = Counter()
         self._threads: list[threading.Thread] = []
         self._receivers = self._subscribe()
         self._beats, self._attendance = self._follow_senders()
@@ -135,13 +142,31 @@ class Listener(Handover):
     # Draining: on our threads, one at a time under _work.
 
     def _drain(self, receiver: Receiver) -> None:
-        while arrivals := receiver.receive(BATCH):
+        while arrivals := receiver.receive_now(BATCH) or self._rest(receiver):
             out: list[Item] = []
             with self._work:
                 for arrival in arrivals:
                     self._take(arrival, out)
             if out:
                 self._inbox.put(out)
+            self._rounds[receiver] += 1
+
+    def _rest(self, receiver: Receiver) -> list[Arrival]:
+        """Wait for more; meanwhile nothing that came is still to be handed over."""
+        self._behind.discard(receiver)
+        arrivals = receiver.receive(BATCH)
+        self._behind.add(receiver)
+        return arrivals
+
+    def _catch_up(self, deadline: float = float("inf")) -> bool:
+        """Wait until what has come by now is handed over (a channel holds FULL_ROUNDS batches); False when time is up."""
+        since = dict(self._rounds)
+        while not self._closed.wait(RECHECK_S):
+            if all(self._rounds[one] > since.get(one, 0) + FULL_ROUNDS for one in list(self._behind)):
+                return True
+            if time.monotonic() > deadline:
+                return False
+        return True
 
     def _take(self, arrival: Arrival, out: list[Item]) -> None:
         self.counters.payloads += 1
@@ -170,6 +195,7 @@ class Listener(Handover):
             last.session == first.session
             and last.key_seq - first.key_seq == len(events) - 1
             and first.key_seq
+            and first.session
             and not self.tracker.is_duplicate(first.session, arrival.key, first.key_seq)
         ):
             if self._see(arrival.key, first, last.key_seq, out):
@@ -178,7 +204,7 @@ class Listener(Handover):
                 self._refuse(arrival.key, events, out)
             return
         for event in events:
-            if not event.key_seq:
+            if not event.key_seq or not event.session:
                 self._accept([event], out)
             elif self.tracker.is_duplicate(event.session, arrival.key, event.key_seq):
                 self.counters.duplicates += 1
@@ -251,6 +277,8 @@ class Listener(Handover):
         for state in states.whole:
             self._table.load(state.alarms, state.session, state.seq, target=state.target)
             self._loggers[state.target] = state.session
+            if self._keep_bytes and out is not None:
+                out.append(state)
 
     @property
     def alarms(self) -> list[Alarm]:
@@ -327,14 +355,40 @@ class Listener(Handover):
                 except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
                     self.counters.rejected_payloads += 1
                     continue
+                if keys.verb_key(self.realm, beat.target or "-", "@beat", beat.session or "-") != arrival.key:
+                    self.counters.rejected_payloads += 1
+                    continue
+                if beat.final:
+                    self._last_words.add(beat.session)
                 if self.tracker.started(beat.session):
                     latest[beat.session] = beat
                 else:
-                    self._judge(beat)
+                    self._judge(self._whole(beat))
             if any(self._judge(beat, look=True) for beat in latest.values()):
-                self._closed.wait(RECHECK_S)
+                self._catch_up()
             for beat in latest.values():
                 self._judge(beat)
+
+    def _end(self, session: str) -> None:
+        """Note a last word, and forget the oldest of many, so that a program of months does not grow with each sender."""
+        self._final[session] = None
+        if len(self._final) > MAX_ENDED:
+            oldest = next(iter(self._final))
+            del self._final[oldest]
+            self._last_words.discard(oldest)
+            self._sessions.pop(oldest, None)
+            self.tracker.forget(oldest)
+
+    def _whole(self, beat: Beat) -> Beat:
+        """A beat names the keys of the last 60 s; with the others too a quiet key is not taken for a gap later."""
+        if not beat.seq:
+            return beat
+        for answer in self.bus.ask(keys.verb_key(self.realm, beat.target, "@sent", beat.session), timeout_s=1.0):
+            with contextlib.suppress(msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+                told = msgspec.json.decode(answer.payload, type=Beat)
+                if told.session == beat.session and not answer.error:
+                    return msgspec.structs.replace(beat, keys={**told.keys, **beat.keys})
+        return beat
 
     def _check_first(self, beat: Beat, numbers: dict[str, int]) -> None:
         """Before its first beat a session's numbers are taken as they come: what is beyond them now may be a stranger's."""
@@ -359,13 +413,9 @@ class Listener(Handover):
                 self._resync(beat.target, out)
             for tail in tails:
                 self._recover(beat.target, tail, out)
-            if beat.unsent and beat.final:
-                key = keys.verb_key(self.realm, beat.target, "@beat", beat.session)
-                lost = Missing(beat.session, key, beat.seq - beat.unsent + 1, beat.seq)
-                out.append(Gap(lost, f"its sender closed with {beat.unsent} events unsent"))
             self._sessions[beat.session] = beat.target
             if beat.final:
-                self._final.add(beat.session)
+                self._end(beat.session)
             self._beat_seen.notify_all()
         if out:
             self._inbox.put(out)
@@ -389,7 +439,7 @@ class Listener(Handover):
             # Its last word comes through another queue, where it waits for the tails that it names.
             self.wait_for_final(session, 5 * RECHECK_S)
         with self._work:
-            clean = session in self._final
+            clean = session in self._last_words
             if self._loggers.get(target) == session and not (gone and clean):
                 del self._loggers[target]
             if gone and role == "logger":
@@ -480,8 +530,10 @@ class Listener(Handover):
                 if not self.wait_for_final(session, left_s):
                     silent.append(session)
             elif self._judge(beats[0], look=True):
-                self._closed.wait(RECHECK_S)
-                self._judge(beats[0])
+                if self._catch_up(deadline):
+                    self._judge(beats[0])
+                else:
+                    silent.append(session)
         return silent
 
     def wait_for_beat(self, session: str | None = None, *, count: int = 1, timeout_s: float = 10.0) -> bool:

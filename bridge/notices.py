@@ -91,7 +91,7 @@ class Snapshot(msgspec.Struct, frozen=True):
 Loss: TypeAlias = Dropped | Gap | Rejected | TailUnknown | TwoLoggers
 News: TypeAlias = BusLost | BusBack | LoggerGone | LoggerBack
 Notice: TypeAlias = Loss | News
-Item: TypeAlias = AnyEvent | Heard | Notice
+Item: TypeAlias = AnyEvent | Heard | Snapshot | Notice
 
 
 class ListenerCounters(msgspec.Struct):

@@ -261,6 +261,7 @@ class Publisher:
                 waiting.popleft()
                 self._waiting -= 1
                 self.counters.dropped += 1
+                entry.state.put_key_seq = max(entry.state.put_key_seq, entry.key_seq)  # the next beats tell who missed it
                 return
         raise QueueFullError(self._waiting)
 
@@ -292,7 +293,7 @@ class Publisher:
                     log.warning("%d events not sent: %s", len(batch), error)
                     self._refused += len(batch)
                     continue
-                state.put_seq, state.put_key_seq = batch[-1].seq, batch[-1].key_seq
+                state.put_seq, state.put_key_seq = batch[-1].seq, max(state.put_key_seq, batch[-1].key_seq)
                 self._put_seq = max(self._put_seq, state.put_seq)
                 self.counters.puts += 1
                 self.counters.sent += len(batch)
@@ -341,7 +342,7 @@ class Publisher:
             if final:
                 self.counters.unsent = self._waiting + self._refused
             if numbered or final:
-                numbers = {s.key: s.sent_key_seq for s in self._keys.values() if s.used_s >= oldest_s or s.waiting}
+                numbers = {s.key: s.sent_key_seq for s in self._keys.values() if s.sent_key_seq}
             else:
                 numbers = {s.key: s.put_key_seq for s in self._keys.values() if s.put_key_seq and s.used_s >= oldest_s}
             seq = self._seq if numbered or final else self._put_seq

@@ -21,7 +21,19 @@ from bridge.core.filters.text import to_text
 from bridge.edges.bus import Bus
 from bridge.edges.recording import About, Attachment, Compression, Gap, RecordingError, RecordingWriter, StateFrame, Totals
 from bridge.inbox import Dropped
-from bridge.listener import BusBack, BusLost, Heard, Item, Listener, LoggerBack, LoggerGone, Rejected, TailUnknown, TwoLoggers
+from bridge.listener import (
+    BusBack,
+    BusLost,
+    Heard,
+    Item,
+    Listener,
+    LoggerBack,
+    LoggerGone,
+    Rejected,
+    Snapshot,
+    TailUnknown,
+    TwoLoggers,
+)
 from bridge.listener import Gap as MissingHere
 
 QUEUE_EVENTS: Final = 1_000_000
@@ -152,6 +164,9 @@ class Recorder:
                 self._writer.add_gap(gap, self._clock())
             case Rejected(key, raw, reason):
                 self._writer.add_rejected(key, "", raw, reason, self._clock())
+            case Snapshot(target, session, seq, alarms):
+                frame = StateFrame(realm=self._realm, target=target, session=session, seq=seq, alarms=alarms)
+                self._writer.add_state(frame, self._clock())
             case TailUnknown(_, session):
                 self._silent.append(session)
             case TwoLoggers() | BusLost() | BusBack() | LoggerGone() | LoggerBack():

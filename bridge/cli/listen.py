@@ -62,11 +62,12 @@ def listen(
                 item = listener.get(left_s)
                 if item is None:
                     break
-                view.print_item(item, as_json=common.json)
+                # Counted before it is shown: whoever sees a loss and stops us gets the exit code of a loss.
                 if isinstance(item, Event):
                     events += 1
                 elif isinstance(item, Loss):
                     notices += 1
+                view.print_item(item, as_json=common.json)
         except Interrupted:
             pass
         else:

@@ -1,5 +1,6 @@
 """`tcbridge send`: one message, from the command line."""
 
+from time import sleep
 from typing import Annotated
 
 from cyclopts import Group, Parameter
@@ -65,6 +66,7 @@ def send(
         publisher = Publisher(bus, settings.one_target, realm=settings.realm, encoding=settings.wire_encoding)
         try:
             heard = publisher.wait_for_listener(wait)
+            sleep(bus.undiscovered_s())  # somebody else may still turn up: all who are there shall hear it
             event = publisher.send_message(
                 guid, number, chosen, source=source, arguments=arguments, json_attribute=json_attribute, time_ns=time_ns
             )

@@ -259,7 +259,7 @@ def _time(time_ns: int, day: str) -> str:
 def notice(item: "Item") -> tuple[str, dict[str, object]]:
     """What a listener says about what is missing or wrong: for people and for programs."""
     from bridge.inbox import Dropped
-    from bridge.listener import Gap, Heard, Rejected, TailUnknown, TwoLoggers
+    from bridge.listener import Gap, Heard, Rejected, Snapshot, TailUnknown, TwoLoggers
     from bridge.notices import BusBack, BusLost, LoggerBack, LoggerGone
 
     match item:
@@ -289,7 +289,7 @@ def notice(item: "Item") -> tuple[str, dict[str, object]]:
         case LoggerBack(target, session):
             facts = {"notice": "logger_back", "target": target, "session": session}
             return f"logger back: session {session} of {target}", facts
-        case Event() | Heard():
+        case Event() | Heard() | Snapshot():
             raise TypeError("an event is no notice")
         case _:
             assert_never(item)

@@ -229,11 +229,13 @@ class Logbook:
         stored = (self._stored(event, arrival_ns, unique_id),)
         if not changed:
             return Changes(stored)
+        if isinstance(event, AlarmDisposed):  # the table may be ahead of the event (follow)
+            self._lives.pop(key, None)
+        else:
+            self._lives[key] = unique_id
         alarm = self.table.alarms.get(key)
         if alarm is None:
-            self._lives.pop(key, None)
             return Changes(stored, gone=(key,))
-        self._lives[key] = unique_id
         return Changes(stored, (Kept(unique_id, alarm),))
 
     def load_state(self, target: str, session: str, seq: int, alarms: Iterable[Alarm]) -> Changes:

@@ -29,7 +29,7 @@ from bridge.core.events import AnyEvent, Event, Severity
 from bridge.core.filters.ast import And, Compare, Everything, Expr, Flag, resolve
 from bridge.core.times import time_text
 from bridge.edges.bus import Bus
-from bridge.listener import Heard, Item, Listener
+from bridge.listener import Heard, Item, Listener, Snapshot
 from bridge.notices import Loss, Notice
 from bridge.texts import Texts
 
@@ -160,6 +160,8 @@ class SyslogSink:
             item = item.event
         if isinstance(item, Event):
             return self._hand_over(item.severity, self.line(item))
+        if isinstance(item, Snapshot):
+            raise TypeError("a snapshot is for recorders")
         severity = Severity.WARNING if isinstance(item, Loss) else Severity.INFO
         return severity < self.settings.min_severity or self._hand_over(severity, _notice_line(item))
 
