@@ -158,10 +158,13 @@ class Listener(Handover):
         self._behind.add(receiver)
         return arrivals
 
-    def _catch_up(self, deadline: float = float("inf")) -> bool:
-        """Wait until what has come by now is handed over (a channel holds FULL_ROUNDS batches); False when time is up."""
+    def _catch_up(self, beat: Beat, deadline: float = float("inf")) -> bool:
+        """Wait until nothing that the beat names is missing any more, or all that came by now is handed over.
+
+        A channel that is never empty holds FULL_ROUNDS batches at most. False when time is up.
+        """
         since = dict(self._rounds)
-        while not self._closed.wait(RECHECK_S):
+        while not self._closed.wait(RECHECK_S) and self._judge(beat, look=True):
             if all(self._rounds[one] > since.get(one, 0) + FULL_ROUNDS for one in list(self._behind)):
                 return True
             if time.monotonic() > deadline:
@@ -364,9 +367,9 @@ class Listener(Handover):
                     latest[beat.session] = beat
                 else:
                     self._judge(self._whole(beat))
-            if any(self._judge(beat, look=True) for beat in latest.values()):
-                self._catch_up()
             for beat in latest.values():
+                if self._judge(beat, look=True):
+                    self._catch_up(beat)
                 self._judge(beat)
 
     def _end(self, session: str) -> None:
@@ -435,7 +438,7 @@ class Listener(Handover):
     def _left(self, who: Token, gone: bool) -> None:
         target, role, session = who
         out: list[Item] = []
-        if gone and self.tracker.started(session):
+        if gone and self.tracker.heard(session):
             # Its last word comes through another queue, where it waits for the tails that it names.
             self.wait_for_final(session, 5 * RECHECK_S)
         with self._work:
@@ -447,7 +450,7 @@ class Listener(Handover):
                 out.append(LoggerGone(target, session, clean))
                 if not clean and self._table is not None:
                     self._table.suspect(target)
-            if gone and not clean and self.tracker.started(session):
+            if gone and not clean and self.tracker.heard(session):
                 self.counters.tails_unknown += 1
                 out.append(TailUnknown(target, session))
         if out:
@@ -530,7 +533,7 @@ class Listener(Handover):
                 if not self.wait_for_final(session, left_s):
                     silent.append(session)
             elif self._judge(beats[0], look=True):
-                if self._catch_up(deadline):
+                if self._catch_up(beats[0], deadline):
                     self._judge(beats[0])
                 else:
                     silent.append(session)

@@ -88,6 +88,10 @@ class Tracker:
                 return join.after.get(session)
         return self._started.get(session)
 
+    def heard(self, session: str) -> bool:
+        """Whether anything numbered of this session was seen: a beat or an event."""
+        return session in self._started or any(place[0] == session for place in self._last)
+
     def last(self, session: str, key: str) -> int | None:
         """The last number seen, None before the first."""
         return self._last.get((session, key))
