@@ -25,8 +25,19 @@ import msgspec
 from bridge.clock import SteadyClock
 from bridge.core import codec, keys
 from bridge.core.arguments import Argument, Value, guid
-from bridge.core.events import DEFAULT_LIMITS, AnyEvent, Limits, MessageSent, Severity, Source, check_limits, check_values
+from bridge.core.events import (
+    DEFAULT_LIMITS,
+    MAX_U32,
+    AnyEvent,
+    Limits,
+    MessageSent,
+    Severity,
+    Source,
+    check_limits,
+    check_values,
+)
 from bridge.core.sequence import Beat, Missing
+from bridge.core.times import MAX_TIME_NS
 from bridge.edges.bus import Bus, BusError, Question, Refusal, Reply, Sender
 from bridge.inbox import OnFull
 
@@ -150,7 +161,8 @@ class Publisher:
         self.counters = Counters()
         self._encoding, self._limits, self._object_id = encoding, limits, object_id
         self._may_drop, self._queue_events, self._clock = on_full == "drop", queue_events, SteadyClock.of(clock)
-        self._keys: dict[tuple[str, bool, Severity], _Key] = {}
+        self._encode = codec.encoder(encoding)
+        self._keys: dict[tuple[str, bool, int], _Key] = {}
         self._kept = _Kept(ring_events, ring_bytes)
         self._seq = 0
         self._put_seq = 0
@@ -218,9 +230,10 @@ class Publisher:
         """
         if event.target != self.target:
             raise ValueError(f"event of target {event.target!r} sent under {self.target!r}")
-        check_values(event)
+        if event.vendor_id is not None or not (0 <= event.event_id <= MAX_U32 and 0 <= event.time_ns <= MAX_TIME_NS):
+            check_values(event)
         check_limits(event, self._limits)
-        place = (event.event_class, event.is_alarm, event.severity)
+        place = event.event_class, event.is_alarm, event.severity.real  # an enum member hashes in Python, an int does not
         with self._lock:
             if self._closing:
                 raise PublisherClosedError(f"publisher {self.session} of {self.target} is closed")
@@ -233,7 +246,7 @@ class Publisher:
             event = msgspec.structs.replace(
                 event, session=self.session, seq=seq, key_seq=key_seq, time_ns=event.time_ns or self._clock()
             )
-            entry = _Entry(seq, key_seq, codec.encode(event, self._encoding), state)
+            entry = _Entry(seq, key_seq, self._encode(event), state)
             self._seq, state.sent_key_seq = seq, key_seq
             self._kept.add(entry)
             state.waiting.append(entry)

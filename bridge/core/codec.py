@@ -9,7 +9,7 @@ Rule 5: fields are only ever added, with defaults; unknown fields are ignored. G
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final, TypeAlias, cast
 
 import msgspec
@@ -36,7 +36,6 @@ Encoding: TypeAlias = str
 ENCODINGS: Final = (JSON, MSGPACK)
 
 _HOSTILE: Final = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
-_ENCODERS: Final = {JSON: msgspec.json.Encoder().encode, MSGPACK: msgspec.msgpack.Encoder().encode}
 _LIST_DECODERS: Final = {
     JSON: msgspec.json.Decoder(list[AnyEvent]).decode,
     MSGPACK: msgspec.msgpack.Decoder(list[AnyEvent]).decode,
@@ -83,15 +82,30 @@ def _unknown(encoding: Encoding) -> str:
     return f"encoding {encoding!r} is not one of {', '.join(ENCODINGS)}"
 
 
+def _told(encode_any: Callable[[AnyEvent], bytes]) -> Callable[[AnyEvent], bytes]:
+    def encode_one(event: AnyEvent) -> bytes:
+        try:
+            return encode_any(event)
+        except UnicodeEncodeError as error:
+            raise CodecError(f"text is not encodable as UTF-8: {error.reason}") from None
+
+    return encode_one
+
+
+_ENCODERS: Final = {JSON: _told(msgspec.json.Encoder().encode), MSGPACK: _told(msgspec.msgpack.Encoder().encode)}
+
+
+def encoder(encoding: Encoding = JSON) -> Callable[[AnyEvent], bytes]:
+    """What encode() does for one encoding, for who sends many. CodecError for an unknown encoding."""
+    chosen = _ENCODERS.get(encoding)
+    if chosen is None:
+        raise CodecError(_unknown(encoding))
+    return chosen
+
+
 def encode(event: AnyEvent, encoding: Encoding = JSON) -> bytes:
     """One event as one element. CodecError for text that is not UTF-8 (lone surrogates) or an unknown encoding."""
-    encoder = _ENCODERS.get(encoding)
-    if encoder is None:
-        raise CodecError(_unknown(encoding))
-    try:
-        return encoder(event)
-    except UnicodeEncodeError as error:
-        raise CodecError(f"text is not encodable as UTF-8: {error.reason}") from None
+    return encoder(encoding)(event)
 
 
 def join(elements: Sequence[bytes], encoding: Encoding = JSON) -> bytes:

@@ -197,8 +197,6 @@ class LimitError(ValueError):
 
 def check_values(event: Event) -> None:
     """Return when every number is in range; else ValueError with the field, the value and the range."""
-    if 0 <= event.event_id <= MAX_U32 and 0 <= event.time_ns <= MAX_TIME_NS and event.vendor_id is None:
-        return
     for name, top in (
         ("event_id", MAX_U32),
         ("time_ns", MAX_TIME_NS),
