@@ -74,7 +74,7 @@ class Counters(msgspec.Struct):
 class _Key:
     """What is known of one key: its number, what waits, who carries it."""
 
-    __slots__ = ("changed", "is_alarm", "key", "put_key_seq", "put_seq", "sender", "sent_key_seq", "used_s", "waiting")
+    __slots__ = ("changed", "is_alarm", "key", "put_key_seq", "sender", "sent_key_seq", "used_s", "waiting")
 
     def __init__(self, key: str, is_alarm: bool) -> None:
         self.key = key
@@ -82,7 +82,6 @@ class _Key:
         self.sender: Sender | None = None
         self.sent_key_seq = 0
         self.put_key_seq = 0
-        self.put_seq = 0
         self.used_s = 0.0
         self.waiting: deque[_Entry] = deque()
         self.changed = False
@@ -306,8 +305,8 @@ class Publisher:
                     log.warning("%d events not sent: %s", len(batch), error)
                     self._refused += len(batch)
                     continue
-                state.put_seq, state.put_key_seq = batch[-1].seq, max(state.put_key_seq, batch[-1].key_seq)
-                self._put_seq = max(self._put_seq, state.put_seq)
+                state.put_key_seq = max(state.put_key_seq, batch[-1].key_seq)
+                self._put_seq = max(self._put_seq, batch[-1].seq)
                 self.counters.puts += 1
                 self.counters.sent += len(batch)
 

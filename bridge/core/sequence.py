@@ -1,7 +1,7 @@
 """What is missing: gaps and duplicates, told from session, key and key_seq.
 
 Rule 1: a sender numbers its events 1, 2, ... per session and key, so a receiver of only some keys still sees each loss.
-Rule 2: an event whose number is at or below the last one is a duplicate, unless it fills a gap that is known.
+Rule 2: an event whose number is at or below the last one is a duplicate. What fills a gap is handed over by who asked for it.
 Rule 3: a beat says how far each key has come; what it names and nobody saw is a lost tail.
 Rule 4: the promise starts with the first beat. What a key had before that was never promised. For keys that a receiver
         wants only from now on (join) it starts with the next beat.
