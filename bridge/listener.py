@@ -1,14 +1,13 @@
 """Events in: subscribe to what the filter's cover picks, decode, check, fold, hand over.
 
 Rule 1: a thread of ours drains each subscription; user code runs on the user's thread (iterator) or one of ours (observe).
-Rule 2: loss is never silent. A gap is asked from its sender, then from the logger, else reported as Gap in place; what a
-full queue dropped is Dropped in place; what could not be decoded is Rejected; a session gone without a word is TailUnknown.
+Rule 2: loss is never silent. Gaps and tails are repaired or reported in place (losses.py); what a full queue dropped is
+Dropped in place; what could not be decoded is Rejected; a session gone without a word is TailUnknown.
 Rule 3: alarm state is folded before the user's queue, so it is right even when the user is slow.
 Rule 4: state first subscribes, then asks, then applies what is newer (the other order left gaps in 25 of 40 joins).
 Rule 5: the promise starts with the first beat of a session after subscribing.
 """
 
-import contextlib
 import threading
 import time
 from collections import Counter
@@ -16,17 +15,16 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Final
 
-import msgspec
-
 from bridge.attendance import Attendance, Token
 from bridge.core import codec, keys
 from bridge.core.alarms import Alarm, AlarmTable
 from bridge.core.events import DEFAULT_LIMITS, AnyEvent, Event, Limits, MessageSent
 from bridge.core.filters.ast import Expr
-from bridge.core.sequence import Beat, Missing, Tracker
+from bridge.core.sequence import Beat, Missing
 from bridge.edges.bus import DEFAULT_CAPACITY, Arrival, Bus, Receiver
 from bridge.handover import Handover, dispatch
 from bridge.inbox import Dropped, Inbox, OnFull
+from bridge.losses import Losses, Receiving
 from bridge.notices import (
     BusBack,
     BusLost,
@@ -43,7 +41,7 @@ from bridge.notices import (
     TwoLoggers,
     TwoLoggersError,
 )
-from bridge.repair import Held, ask_log, ask_sender, ask_state, elements_of
+from bridge.repair import ask_state, elements_of
 from bridge.sieve import Sieve
 
 __all__ = [
@@ -66,12 +64,9 @@ __all__ = [
     "dispatch",
 ]
 
-RECHECK_S: Final = 0.1
-"""How long a tail may stay missing before it is asked for: events and beats come through different queues."""
 BATCH: Final = 64
-MAX_ENDED: Final = 1000
-"""How many sessions that have said their last word are remembered."""
 FULL_ROUNDS: Final = DEFAULT_CAPACITY // BATCH
+"""A channel that is never empty holds so many batches at most."""
 
 
 class Listener(Handover):
@@ -99,7 +94,6 @@ class Listener(Handover):
         self._target, self._resolve_class = target, resolve_class
         self.bus, self.realm = bus, realm
         self.counters = ListenerCounters()
-        self.tracker = Tracker()
         self._limits, self._keep_bytes = limits, keep_bytes
         self._elements: dict[int, Heard] = {}
         super().__init__(Inbox(queue_events, on_full, lambda item: isinstance(item, Event | Heard)))
@@ -108,12 +102,20 @@ class Listener(Handover):
         self._loggers: dict[str, str] = {}
         self._doubles: set[TwoLoggers] = set()
         self._gone: dict[str, str] = {}
-        self._final: dict[str, None] = {}
-        self._last_words: set[str] = set()
-        self._sessions: dict[str, str] = {}
         self._replacing = threading.Lock()
-        self._beat_seen = threading.Condition(self._work)
-
+        receiving = Receiving(
+            wants=lambda key: self._sieve.wants(key),
+            is_there=lambda session: self._attendance.is_there(session),
+            progress=self._progress,
+            repaired=self._take_repaired,
+            lost=self._state_is_unsure,
+            beat=self._take_beat,
+            put=lambda items: self._inbox.put(items),
+        )
+        self._losses = Losses(
+            bus, realm, receiving, limits=limits, counters=self.counters, work=self._work, closed=self._closed
+        )
+        self.tracker = self._losses.tracker
         self._behind: set[Receiver] = set()
         self._rounds: Counter[Receiver] = Counter()
         self._threads: list[threading.Thread] = []
@@ -134,7 +136,7 @@ class Listener(Handover):
 
     def _start(self, receivers: Sequence[Receiver], beats: Sequence[Receiver]) -> None:
         threads = [threading.Thread(target=self._drain, args=(one,), name="listen", daemon=True) for one in receivers]
-        threads += [threading.Thread(target=self._follow, args=(one,), name="beats", daemon=True) for one in beats]
+        threads += [threading.Thread(target=self._losses.follow, args=(one,), name="beats", daemon=True) for one in beats]
         self._threads = [thread for thread in self._threads if thread.is_alive()] + threads
         for thread in threads:
             thread.start()
@@ -158,18 +160,14 @@ class Listener(Handover):
         self._behind.add(receiver)
         return arrivals
 
-    def _catch_up(self, beat: Beat, deadline: float = float("inf")) -> bool:
-        """Wait until nothing that the beat names is missing any more, or all that came by now is handed over.
-
-        A channel that is never empty holds FULL_ROUNDS batches at most. False when time is up.
-        """
+    def _progress(self) -> Callable[[], bool]:
         since = dict(self._rounds)
-        while not self._closed.wait(RECHECK_S) and self._judge(beat, look=True):
-            if all(self._rounds[one] > since.get(one, 0) + FULL_ROUNDS for one in list(self._behind)):
-                return True
-            if time.monotonic() > deadline:
-                return False
-        return True
+        return lambda: all(self._rounds[one] > since.get(one, 0) + FULL_ROUNDS for one in list(self._behind))
+
+    def _take_repaired(self, heard: Heard, out: list[Item]) -> None:
+        if self._keep_bytes:
+            self._elements[id(heard.event)] = heard
+        self._accept([heard.event], out)
 
     def _take(self, arrival: Arrival, out: list[Item]) -> None:
         self.counters.payloads += 1
@@ -201,7 +199,7 @@ class Listener(Handover):
             and first.session
             and not self.tracker.is_duplicate(first.session, arrival.key, first.key_seq)
         ):
-            if self._see(arrival.key, first, last.key_seq, out):
+            if self._losses.see(arrival.key, first, last.key_seq, out):
                 self._accept(events, out)
             else:
                 self._refuse(arrival.key, events, out)
@@ -211,21 +209,10 @@ class Listener(Handover):
                 self._accept([event], out)
             elif self.tracker.is_duplicate(event.session, arrival.key, event.key_seq):
                 self.counters.duplicates += 1
-            elif self._see(arrival.key, event, event.key_seq, out):
+            elif self._losses.see(arrival.key, event, event.key_seq, out):
                 self._accept([event], out)
             else:
                 self._refuse(arrival.key, [event], out)
-
-    def _see(self, key: str, first: Event, last: int, out: list[Item]) -> bool:
-        """Take note of first..last, deal with what is missing before them. False when their sender never numbered so far."""
-        missing = self.tracker.see(first.session, key, first.key_seq, last)
-        if missing is None:
-            return True
-        numbered = self._recover(first.target, missing, out)
-        if numbered is None or last <= numbered:
-            return True
-        self.tracker.step_back(missing.session, key, numbered)
-        return False
 
     def _refuse(self, key: str, events: list[AnyEvent], out: list[Item]) -> None:
         self.counters.rejected_events += len(events)
@@ -283,6 +270,16 @@ class Listener(Handover):
             if self._keep_bytes and out is not None:
                 out.append(state)
 
+    def _state_is_unsure(self, target: str, missing: Missing, out: list[Item]) -> None:
+        if self._table is not None and "/alarm/" in missing.key:
+            if self._loggers.get(target) == missing.session:
+                del self._loggers[target]  # if it does not tell its state now, it is asked again with its next beat
+            self._resync(target, out)
+
+    def _take_beat(self, beat: Beat, out: list[Item]) -> None:
+        if self._table is not None and beat.role == "logger" and self._loggers.get(beat.target) != beat.session:
+            self._resync(beat.target, out)
+
     @property
     def alarms(self) -> list[Alarm]:
         """The alarms the filter takes that are active now, by state rather than by event; needs with_state."""
@@ -299,135 +296,10 @@ class Listener(Handover):
             raise RuntimeError("this listener keeps no alarm state; open it with with_state=True")
         return self._table
 
-    # Loss.
-
-    def _recover(self, target: str, missing: Missing, out: list[Item]) -> int | None:
-        """Fill a gap from its sender, then from the logger; what is left is reported. The range is dealt with afterwards.
-
-        Numbers the sender has never given are no gap. Returns its last number on this key, None when it does not tell.
-        """
-        held = self._ask_sender(target, missing)
-        found, evicted, numbered = held.found, held.evicted, held.numbered
-        if numbered is not None and numbered < missing.last:
-            if numbered < missing.first:
-                return numbered
-            missing = msgspec.structs.replace(missing, last=numbered)
-        asked = "its sender does not answer" if evicted is None else "its sender no longer holds it"
-        if len(found) < missing.count and (evicted is None or evicted > missing.after_seq):
-            for heard in ask_log(self.bus, self.realm, target, missing):
-                found.setdefault(heard.event.key_seq, heard)
-        if self._keep_bytes:
-            self._elements.update((id(heard.event), heard) for heard in found.values())
-        self.counters.repaired += len(found)
-        whole = missing.after_seq and evicted is not None and evicted <= missing.after_seq
-        lost = 0 if whole else missing.count - len(found)
-        self.counters.missing += lost
-        # A stranger may claim any number: walk over what was found, never over the range.
-        follows = missing.first
-        for number in sorted(found):
-            if lost and number > follows:
-                out.append(Gap(Missing(missing.session, missing.key, follows, number - 1, missing.after_seq), asked))
-            self._accept([found[number].event], out)
-            follows = number + 1
-        if lost and follows <= missing.last:
-            out.append(Gap(Missing(missing.session, missing.key, follows, missing.last, missing.after_seq), asked))
-        self.tracker.pass_over(missing)
-        if lost and self._table is not None and "/alarm/" in missing.key:
-            if self._loggers.get(target) == missing.session:
-                del self._loggers[target]  # if it does not tell its state now, it is asked again with its next beat
-            self._resync(target, out)
-        return numbered
-
-    def _ask_sender(self, target: str, missing: Missing) -> Held:
-        return ask_sender(
-            self.bus,
-            self.realm,
-            target,
-            missing,
-            self._limits,
-            is_there=lambda: self._attendance.is_there(missing.session),
-            wait=self._closed.wait,
-        )
-
-    def _follow(self, beats: Receiver) -> None:
-        while arrivals := beats.receive(64):
-            latest: dict[str, Beat] = {}
-            for arrival in arrivals:
-                try:
-                    beat = msgspec.json.decode(arrival.payload, type=Beat)
-                except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
-                    self.counters.rejected_payloads += 1
-                    continue
-                if keys.verb_key(self.realm, beat.target or "-", "@beat", beat.session or "-") != arrival.key:
-                    self.counters.rejected_payloads += 1
-                    continue
-                if beat.final:
-                    self._last_words.add(beat.session)
-                if self.tracker.started(beat.session):
-                    latest[beat.session] = beat
-                else:
-                    self._judge(self._whole(beat))
-            for beat in latest.values():
-                if self._judge(beat, look=True):
-                    self._catch_up(beat)
-                self._judge(beat)
-
-    def _end(self, session: str) -> None:
-        """Note a last word, and forget the oldest of many, so that a program of months does not grow with each sender."""
-        self._final[session] = None
-        if len(self._final) > MAX_ENDED:
-            oldest = next(iter(self._final))
-            del self._final[oldest]
-            self._last_words.discard(oldest)
-            self._sessions.pop(oldest, None)
-            self.tracker.forget(oldest)
-
-    def _whole(self, beat: Beat) -> Beat:
-        """A beat names the keys of the last 60 s; with the others too a quiet key is not taken for a gap later."""
-        if not beat.seq:
-            return beat
-        for answer in self.bus.ask(keys.verb_key(self.realm, beat.target, "@sent", beat.session), timeout_s=1.0):
-            with contextlib.suppress(msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
-                told = msgspec.json.decode(answer.payload, type=Beat)
-                if told.session == beat.session and not answer.error:
-                    return msgspec.structs.replace(beat, keys={**told.keys, **beat.keys})
-        return beat
-
-    def _check_first(self, beat: Beat, numbers: dict[str, int]) -> None:
-        """Before its first beat a session's numbers are taken as they come: what is beyond them now may be a stranger's."""
-        for key, number in numbers.items():
-            seen = self.tracker.last(beat.session, key)
-            if seen is not None and seen > number:
-                held = self._ask_sender(beat.target, Missing(beat.session, key, seen, seen))
-                if held.numbered is not None and held.numbered < seen:
-                    self.tracker.step_back(beat.session, key, number)
-
-    def _judge(self, beat: Beat, *, look: bool = False) -> bool:
-        """Compare a beat with what came; with look only say whether something is missing."""
-        numbers = {key: number for key, number in beat.keys.items() if self._sieve.wants(key)}
-        out: list[Item] = []
-        with self._work:
-            if not self.tracker.started(beat.session):
-                self._check_first(beat, numbers)
-            tails = self.tracker.beat(beat, numbers)
-            if look:
-                return bool(tails)
-            if self._table is not None and beat.role == "logger" and self._loggers.get(beat.target) != beat.session:
-                self._resync(beat.target, out)
-            for tail in tails:
-                self._recover(beat.target, tail, out)
-            self._sessions[beat.session] = beat.target
-            if beat.final:
-                self._end(beat.session)
-            self._beat_seen.notify_all()
-        if out:
-            self._inbox.put(out)
-        return bool(tails)
-
     # Who is there: on threads of the bus.
 
     def _came(self, who: Token) -> None:
-        self._sessions[who.session] = who.target
+        self._losses.meet(who.session, who.target)
         if who.role != "logger" or self._gone.pop(who.target, None) is None:
             return
         out: list[Item] = []
@@ -438,12 +310,9 @@ class Listener(Handover):
     def _left(self, who: Token, gone: bool) -> None:
         target, role, session = who
         out: list[Item] = []
-        if gone and self.tracker.heard(session):
-            # Its last word comes through another queue, where it waits for the tails that it names.
-            self.wait_for_final(session, 5 * RECHECK_S)
+        clean = gone and self._losses.farewell(session)
         with self._work:
-            clean = session in self._last_words
-            if self._loggers.get(target) == session and not (gone and clean):
+            if self._loggers.get(target) == session and not clean:
                 del self._loggers[target]
             if gone and role == "logger":
                 self._gone[target] = session
@@ -517,43 +386,15 @@ class Listener(Handover):
 
         timeout_s is for all of them: a sender that stands still costs the others what it takes.
         """
-        deadline = time.monotonic() + timeout_s
-        with self._work:
-            open_sessions = {s: t for s, t in self._sessions.items() if s not in self._final and self.tracker.started(s)}
-        silent = []
-        for session, target in open_sessions.items():
-            left_s = max(RECHECK_S, deadline - time.monotonic())
-            answers = self.bus.ask(keys.verb_key(self.realm, target, "@sent", session), timeout_s=left_s)
-            beats = []
-            for answer in answers:
-                with contextlib.suppress(msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
-                    beats.append(msgspec.json.decode(answer.payload, type=Beat))
-            if not beats:
-                # Who is closing just now answers no more, but its final beat is on its way through another queue.
-                if not self.wait_for_final(session, left_s):
-                    silent.append(session)
-            elif self._judge(beats[0], look=True):
-                if self._catch_up(beats[0], deadline):
-                    self._judge(beats[0])
-                else:
-                    silent.append(session)
-        return silent
+        return self._losses.settle(timeout_s)
 
     def wait_for_beat(self, session: str | None = None, *, count: int = 1, timeout_s: float = 10.0) -> bool:
         """Wait until the promise holds: a beat of `session`, or of `count` sessions, has come; False when time is up."""
-        with self._work:
-            return self._beat_seen.wait_for(
-                lambda: self.tracker.started(session) if session is not None else len(self._started()) >= count,
-                timeout_s,
-            )
-
-    def _started(self) -> list[str]:
-        return [session for session in self._sessions if self.tracker.started(session)]
+        return self._losses.wait_for_beat(session, count, timeout_s)
 
     def wait_for_final(self, session: str, timeout_s: float = 10.0) -> bool:
         """Wait until the session has said its last word and everything it named was dealt with; False when time is up."""
-        with self._work:
-            return self._beat_seen.wait_for(lambda: session in self._final, timeout_s)
+        return self._losses.wait_for_final(session, timeout_s)
 
     def close(self, timeout_s: float = 2.0) -> bool:
         """Stop listening; what is queued can still be read. False when a thread did not end in time."""

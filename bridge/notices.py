@@ -1,7 +1,7 @@
 """What comes out of a listener beside events.
 
 Rule 1: loss and faults are values that stand in the stream where they happened.
-Rule 2: nothing here does anything: who finds a gap is in repair.py and listener.py.
+Rule 2: nothing here does anything: who finds a gap is in losses.py and repair.py.
 """
 
 from collections.abc import Sequence

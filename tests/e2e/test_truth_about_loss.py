@@ -127,12 +127,12 @@ def test_a_mirror_keeps_one_unique_id_per_life(bus: Bus) -> None:
 
 def test_many_senders_leave_no_trace(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
     """A listener of months remembers the last sessions that ended, not each of them."""
-    monkeypatch.setattr("bridge.listener.MAX_ENDED", 5)
+    monkeypatch.setattr("bridge.losses.MAX_ENDED", 5)
     with Listener(bus) as listener:
         for _ in range(20):
             with Publisher(bus, "plc1") as publisher:
                 assert listener.wait_for_beat(publisher.session)
                 publisher.send_message(CLASS, 1, Severity.INFO)
             assert listener.wait_for_final(publisher.session)
-        assert len(listener._final) == 5
-        assert sum(listener.tracker.started(session) for session in list(listener._sessions)) <= 6
+        assert len(listener._losses._final) == 5
+        assert sum(listener.tracker.started(session) for session in list(listener._losses._sessions)) <= 6
