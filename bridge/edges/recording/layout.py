@@ -106,7 +106,10 @@ def event_channel(message_encoding: str, metadata: dict[str, str]) -> EventChann
 
 
 class About(msgspec.Struct, frozen=True, kw_only=True):
-    """Who recorded what: the metadata record `tcbridge`. `more` is written beside the named entries."""
+    """Who recorded what: the metadata record `tcbridge`. `more` is written beside the named entries.
+
+    recording is the same in all files of one recording, part counts them from 1 (0: not told), previous is the file before.
+    """
 
     started_ns: Count = 0
     version: str = ""
@@ -114,6 +117,9 @@ class About(msgspec.Struct, frozen=True, kw_only=True):
     realm: str = ""
     filter: str = ""
     comment: str = ""
+    recording: str = ""
+    part: Count = 0
+    previous: str = ""
     more: dict[str, str] = {}
 
     def metadata(self) -> dict[str, str]:
@@ -125,13 +131,18 @@ class About(msgspec.Struct, frozen=True, kw_only=True):
     @classmethod
     def of(cls, metadata: dict[str, str]) -> "About":
         """Back from MCAP metadata; entries that are missing or wrong are left at their defaults."""
-        texts = {name: metadata.get(name, "") for name in _ABOUT_NAMES if name != "started_ns"}
-        started = metadata.get("started_ns", "")
+        texts = {name: metadata.get(name, "") for name in _ABOUT_NAMES if name not in _ABOUT_NUMBERS}
+        started_ns, part = (_number(metadata.get(name, "")) for name in _ABOUT_NUMBERS)
         more = {name: value for name, value in metadata.items() if name not in _ABOUT_NAMES and name != "wire"}
-        return cls(started_ns=int(started) if started.isascii() and started.isdigit() else 0, more=more, **texts)
+        return cls(started_ns=started_ns, part=part, more=more, **texts)
 
 
 _ABOUT_NAMES: Final = tuple(name for name in About.__struct_fields__ if name != "more")
+_ABOUT_NUMBERS: Final = ("started_ns", "part")
+
+
+def _number(text: str) -> int:
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 20 else 0
 
 
 class Attachment(msgspec.Struct, frozen=True):

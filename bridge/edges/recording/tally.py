@@ -34,6 +34,7 @@ class Totals(msgspec.Struct, frozen=True, kw_only=True):
 
     gaps counts records, gap_events the events they miss; named_gaps are the first of them.
     unknown_tails names the sessions whose end is not known ("*": every session, because the recorder was killed).
+    next_file is where the recording goes on; "" in its last file and in one that was not finished.
     """
 
     events: Count = 0
@@ -48,6 +49,7 @@ class Totals(msgspec.Struct, frozen=True, kw_only=True):
     last_log_time_ns: Count = 0
     first_time_ns: Count = 0
     last_time_ns: Count = 0
+    next_file: str = ""
 
     @property
     def complete(self) -> Completeness:
@@ -136,7 +138,7 @@ class Tally:
         if len(self._named) < GAPS_NAMED:
             self._named.append(gap)
 
-    def totals(self, unknown_tails: tuple[str, ...] = ()) -> Totals:
+    def totals(self, unknown_tails: tuple[str, ...] = (), next_file: str = "") -> Totals:
         """The counts so far."""
         rows: dict[tuple[str, str, str, str, int], int] = {}
         for tally in self._channels.values():
@@ -156,4 +158,32 @@ class Tally:
             last_log_time_ns=self._last_log,
             first_time_ns=self._first,
             last_time_ns=self._last,
+            next_file=next_file,
         )
+
+
+def joined(first: Totals, second: Totals) -> Totals:
+    """The counts of two files of one recording together; next_file is that of the second."""
+    counts: dict[tuple[str, str, str, str, int], int] = {}
+    for row in (*first.counts, *second.counts):
+        place = (row.realm, row.target, row.event_class, row.kind, row.severity)
+        counts[place] = counts.get(place, 0) + row.count
+    return Totals(
+        events=first.events + second.events,
+        counts=tuple(sorted(EventCount(*place, count) for place, count in counts.items())),
+        gaps=first.gaps + second.gaps,
+        gap_events=first.gap_events + second.gap_events,
+        named_gaps=(*first.named_gaps, *second.named_gaps)[:GAPS_NAMED],
+        rejected=first.rejected + second.rejected,
+        states=first.states + second.states,
+        unknown_tails=tuple(dict.fromkeys((*first.unknown_tails, *second.unknown_tails))),
+        first_log_time_ns=_earliest(first.first_log_time_ns, second.first_log_time_ns),
+        last_log_time_ns=max(first.last_log_time_ns, second.last_log_time_ns),
+        first_time_ns=_earliest(first.first_time_ns, second.first_time_ns),
+        last_time_ns=max(first.last_time_ns, second.last_time_ns),
+        next_file=second.next_file,
+    )
+
+
+def _earliest(first_ns: int, second_ns: int) -> int:
+    return min(first_ns, second_ns) if first_ns and second_ns else first_ns or second_ns
