@@ -114,11 +114,24 @@ def read_translations(data: bytes, name: str = "") -> ReadResult:
     if _check_root(data, name, (*ROOTS, TRANSLATIONS)) != TRANSLATIONS:
         return msgspec.structs.replace(read_classes(data, name), classes=(), lines={}, event_lines={})
     reader = _Reader(name)
+    reader.read_translations(parse(data, name, (TRANSLATIONS,)), reader.table)
+    return reader.result()
+
+
+def parse(data: bytes, name: str = "", roots: tuple[str, ...] = ROOTS) -> etree._Element:
+    """The root of a file that is well-formed. TmcError when it is not, has another root, or has a DTD."""
+    _check_root(data, name, roots)
     try:
-        reader.read_translations(etree.fromstring(data, etree.XMLParser(**_OPTIONS)), reader.table)
+        return etree.fromstring(data, etree.XMLParser(**_OPTIONS))
     except etree.XMLSyntaxError as error:
         raise TmcError(name, error.lineno or 1, f"{_reason(error)}; expected well-formed XML") from None
-    return reader.result()
+
+
+def number(text: str) -> int | None:
+    """A number as TwinCAT writes it, "12" or "#x0300201E"; None when it is none of 32 bits."""
+    match = _NUMBER.fullmatch(text)
+    found = (int(match[1], 16) if match[1] else int(match[2])) if match else 2**32
+    return found if found < 2**32 else None
 
 
 def _reason(error: etree.XMLSyntaxError) -> str:
@@ -127,7 +140,7 @@ def _reason(error: etree.XMLSyntaxError) -> str:
 
 def _check_root(data: bytes, name: str, roots: tuple[str, ...] = ROOTS) -> str:
     """The root's tag. Looks at the head only, so that a hostile rest costs nothing yet; a fault behind it is not told here."""
-    expected = f"expected an XML file whose root is {', '.join(roots[:-1])} or {roots[-1]}"
+    expected = f"expected an XML file whose root is {' or '.join(filter(None, (', '.join(roots[:-1]), roots[-1])))}"
     probe = etree.XMLPullParser(events=("start",), **_OPTIONS)
     fault = TmcError(name, 1, f"no element; {expected}")
     for start in range(0, min(len(data), HEAD_BYTES) + 512, 512):
@@ -278,10 +291,9 @@ class _Reader:
 
     def number(self, element: etree._Element, attribute: str, what: str) -> int | None:
         text = (element.get(attribute) or "").strip()
-        match = _NUMBER.fullmatch(text)
-        number = (int(match[1], 16) if match[1] else int(match[2])) if match else 2**32
-        if number < 2**32:
-            return number
+        parsed = number(text)
+        if parsed is not None:
+            return parsed
         found = f"{attribute} {text[:40]!r}" if text else f"no {attribute}"
         self.fault(element, f"{what}: {found}; expected 0..4294967295, decimal or #x and hex digits")
         return None

@@ -7,7 +7,7 @@ Rule 2: what XML cannot hold (control characters, lone surrogates) is the caller
 The shape is that of facts 2.2, the places of causes, remedies and details are those on top of bridge/core/tmc.py.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
 from lxml import etree
@@ -25,15 +25,25 @@ def write_classes(classes: Iterable[EventClass]) -> bytes:
 
     ValueError names the class when it has no event, for then it would read back as none, or a text that XML cannot hold.
     """
+    root = file_root()
+    append_classes(etree.SubElement(root, "DataTypes"), classes)
+    return document(root)
+
+
+def file_root() -> etree._Element:
+    """The root of a .tmc file, empty."""
     root = etree.Element(_ROOT, nsmap={"xsi": _INSTANCE})
     root.set(f"{{{_INSTANCE}}}noNamespaceSchemaLocation", _SCHEMA)
-    types = etree.SubElement(root, "DataTypes")
+    return root
+
+
+def append_classes(types: etree._Element, classes: Iterable[EventClass]) -> None:
+    """Put the classes into a DataTypes element. ValueError as in write_classes()."""
     for found in classes:
         try:
             types.append(_data_type(found))
         except ValueError as error:
             raise ValueError(f"event class {found.qualified_name!r} cannot be written as XML: {error}") from None
-    return document(root)
 
 
 def document(root: etree._Element) -> bytes:
@@ -49,7 +59,7 @@ def translations_element(table: Mapping[str, Mapping[int, str]]) -> etree._Eleme
     for key, translated in table.items():
         text = etree.SubElement(element, "Text", TxtId=key)
         for lcid, value in translated.items():
-            _text(text, "Text", value, LcId=str(lcid))
+            put_text(text, "Text", value, LcId=str(lcid))
     return element
 
 
@@ -58,7 +68,8 @@ def braced(guid: str) -> str:
     return f"{{{guid.upper()}}}"
 
 
-def _text(parent: etree._Element, tag: str, text: str, **attributes: str) -> etree._Element:
+def put_text(parent: etree._Element, tag: str, text: str, **attributes: str) -> etree._Element:
+    """Add an element with a text of any kind. ValueError when XML cannot hold it."""
     element = etree.SubElement(parent, tag, **attributes)
     # A CR inside CDATA would be read as a line feed; as a plain text it is written as a reference. lxml parts "]]>" itself.
     element.text = text if not text or "\r" in text else etree.CDATA(text)
@@ -76,15 +87,15 @@ def _data_type(found: EventClass) -> etree._Element:
     element = etree.Element("DataType")
     namespace = {"Namespace": found.namespace} if found.namespace else {}
     _named(element, found.name, {"GUID": braced(found.guid), **found.attributes, **namespace})
-    _text(element, "DisplayName", found.display_text, TxtId="")
+    put_text(element, "DisplayName", found.display_text, TxtId="")
     for entry in found.events.values():
         element.append(_event(entry))
     if found.comment:
-        _text(element, "Comment", found.comment, TxtId="")
+        put_text(element, "Comment", found.comment, TxtId="")
     if found.translations:
         element.append(translations_element(found.translations))
     hidden = [(HIDE_NEEDLESS_ARGUMENTS, "1")] if found.hide_needless_arguments else []
-    _append_properties(element, [*hidden, *found.properties.items()])
+    append_properties(element, [*hidden, *found.properties.items()])
     if found.hides:
         hides = etree.SubElement(element, "Hides")
         for hidden_guid in found.hides:
@@ -95,12 +106,12 @@ def _data_type(found: EventClass) -> etree._Element:
 def _event(entry: EventEntry) -> etree._Element:
     element = etree.Element("EventId")
     _named(element, entry.name, {"Id": str(entry.id)})
-    _text(element, "DisplayName", entry.display_text, TxtId="")
+    put_text(element, "DisplayName", entry.display_text, TxtId="")
     severity = etree.SubElement(element, "Severity")
     severity.text = entry.severity.name.capitalize()
     if entry.comment:
-        _text(element, "Comment", entry.comment, TxtId="")
-    _append_properties(element, [*_help(entry), *entry.properties.items()])
+        put_text(element, "Comment", entry.comment, TxtId="")
+    append_properties(element, [*_help(entry), *entry.properties.items()])
     return element
 
 
@@ -114,11 +125,12 @@ def _help(entry: EventEntry) -> Iterator[tuple[str, str]]:
             yield f"DetailComment[{detail.name}]", detail.comment
 
 
-def _append_properties(parent: etree._Element, properties: list[tuple[str, str]]) -> None:
+def append_properties(parent: etree._Element, properties: Sequence[tuple[str, str]]) -> None:
+    """Add a Properties block if there are any."""
     if not properties:
         return
     block = etree.SubElement(parent, "Properties")
     for name, value in properties:
         element = etree.SubElement(block, "Property")
         _named(element, name, {})
-        _text(element, "Value", value)
+        put_text(element, "Value", value)
