@@ -78,6 +78,16 @@ def residual(expr: Expr, *, resolve_class: ClassResolver | None = None) -> Expr:
     return grid.rest(expr, grid.covered(grid.cover().selections))
 
 
+def places(expr: Expr, *, resolve_class: ClassResolver | None = None) -> Callable[[str, str], bool]:
+    """Whether an event of a target and a class may match; not widened, however many the filter names. Errors as cover()."""
+    grid = _Grid(_for_keys(expr, resolve_class))
+    may = {cell: bool(grid.masks(grid.expr, cell)[1]) for cell in grid.cells}
+    targets, classes = {cell[0] for cell in may}, {cell[1] for cell in may}
+    return lambda target, event_class: may[
+        target if target in targets else None, event_class if event_class in classes else None
+    ]
+
+
 def _for_keys(expr: Expr, resolve_class: ClassResolver | None) -> Expr:
     expr = resolve(expr, resolve_class)
     for_events(expr)

@@ -15,6 +15,8 @@ from bridge.edges.recording.layout import (
     StateFrame,
 )
 from bridge.edges.recording.reader import (
+    EVERYTHING,
+    Part,
     Recorded,
     RecordedEvent,
     RecordedGap,
@@ -24,11 +26,14 @@ from bridge.edges.recording.reader import (
     read_events,
 )
 from bridge.edges.recording.recovery import Recovered, leftovers, recover
+from bridge.edges.recording.series import Series, read_series
 from bridge.edges.recording.tally import EventCount, Totals
+from bridge.edges.recording.viewer import Viewer
 from bridge.edges.recording.writer import RecordingWriter
 
 __all__ = [
     "ACTIVE_SUFFIX",
+    "EVERYTHING",
     "About",
     "Attachment",
     "ChannelInfo",
@@ -38,6 +43,7 @@ __all__ = [
     "EventChannel",
     "EventCount",
     "Gap",
+    "Part",
     "Recorded",
     "RecordedEvent",
     "RecordedGap",
@@ -49,10 +55,13 @@ __all__ = [
     "RecordingWriter",
     "Recovered",
     "RejectedPayload",
+    "Series",
     "StateFrame",
     "Totals",
+    "Viewer",
     "leftovers",
     "read_events",
+    "read_series",
     "recover",
     "scan",
     "summary",

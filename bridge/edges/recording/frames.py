@@ -12,32 +12,33 @@ mcap's own indexed reader gives nothing at all on a file that was cut, and its s
 import os
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Final, NamedTuple, Self
 
-import lz4.frame  # type: ignore[import-untyped]
 import msgspec
-import zstandard
 from mcap.data_stream import ReadDataStream, RecordBuilder
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Footer, Header, McapRecord, Metadata, Schema
+from mcap.records import Attachment, Channel, Header, McapRecord, Metadata, Schema
 
+from bridge.edges.recording.index import LATEST, ChunkPlace, IndexFault, check_footer, read_index
 from bridge.edges.recording.layout import MAX_CHUNK_BYTES, PROFILE, RecordingError
+from bridge.edges.recording.records import (
+    HEAD,
+    HOSTILE,
+    MAGIC,
+    U32,
+    U64,
+    AttachmentPlace,
+    chunk_data,
+    opcode_name,
+    record_body,
+)
 
-MAGIC: Final = b"\x89MCAP0\r\n"
 OWN_LIBRARY: Final = "tcbridge/"
-_HEAD: Final = struct.Struct("<BQ")
-_CHUNK: Final = struct.Struct("<QQQII")
 _MESSAGE: Final = struct.Struct("<HIQQ")
-_U32: Final = struct.Struct("<I")
-_U64: Final = struct.Struct("<Q")
-_FOOTER_BYTES: Final = _HEAD.size + 20
-HOSTILE: Final = (McapError, struct.error, UnicodeDecodeError, OverflowError, MemoryError)
-"""What mcap's parsers raise on bytes that are no record."""
 _OWN_RECORDS: Final = (Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT, Opcode.METADATA)
 _CARRIES_EVENTS: Final = (Opcode.CHUNK, Opcode.MESSAGE, Opcode.CHANNEL, Opcode.SCHEMA)
 
@@ -63,77 +64,22 @@ class RawMessage(NamedTuple):
     data: bytes
 
 
-class AttachmentPlace(NamedTuple):
-    """An attachment that was passed: what it is called and where it stands."""
-
-    offset: int
-    name: str
-    size: int
-
-
 class _Damaged(ValueError):
     def __init__(self, offset: int, reason: str, torn: bool = False) -> None:
         self.damage = Damage(offset, reason, torn)
         super().__init__(reason)
 
 
-def _name(opcode: int) -> str:
-    try:
-        return Opcode(opcode).name.lower().replace("_", " ")
-    except ValueError:
-        return f"unknown (opcode {opcode})"
-
-
 def _spelled(record: McapRecord, body: bytes) -> bool:
     builder = RecordBuilder()
     record.write(builder)
     spelled: bytes = builder.end()  # type: ignore[no-untyped-call]
-    return spelled[_HEAD.size :] == body
+    return spelled[HEAD.size :] == body
 
 
-def _unpacked(compression: bytes, data: bytes, size: int) -> bytes:
-    """The chunk's data, at most one byte more than `size`. ValueError when it does not unpack."""
-    try:
-        match compression:
-            case b"":
-                return data
-            case b"zstd":
-                decompressor = zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK_BYTES)
-                with decompressor.stream_reader(data) as stream:
-                    return stream.read(size + 1)
-            case b"lz4":
-                return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1))
-    except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError) as error:
-        raise ValueError(f"does not unpack: {error}") from None
-    raise ValueError(f"compression {compression!r} is not known")
-
-
-def record_body(file: BinaryIO) -> bytes:
-    """The body of the record at the file's position; b"" when it is longer than is read."""
-    head = file.read(_HEAD.size)
-    length = _HEAD.unpack(head)[1] if len(head) == _HEAD.size else 0
-    return file.read(length) if length <= MAX_CHUNK_BYTES else b""
-
-
-def chunk_data(body: bytes, strict: bool) -> bytes:
-    """The records inside a chunk record. ValueError says what is wrong with it."""
-    try:
-        _, _, size, crc, name_size = _CHUNK.unpack_from(body)
-        place = _CHUNK.size + name_size
-        (packed_size,) = _U64.unpack_from(body, place)
-    except struct.error:
-        raise ValueError("is shorter than its head") from None
-    packed = body[place + 8 : place + 8 + packed_size]
-    if len(packed) != packed_size or (strict and place + 8 + packed_size != len(body)):
-        raise ValueError("has a length that disagrees with its content")
-    if size > MAX_CHUNK_BYTES:
-        raise ValueError(f"claims {size} bytes, more than the {MAX_CHUNK_BYTES} that are read")
-    data = _unpacked(body[_CHUNK.size : place], packed, size)
-    if len(data) != size:
-        raise ValueError("unpacks to another size than it says")
-    if (crc or strict) and zlib.crc32(data) != crc:
-        raise ValueError("has a wrong CRC")
-    return data
+def _times(body: bytes) -> tuple[int, int]:
+    """The log times of the first and last message of a chunk, as its head has them."""
+    return U64.unpack_from(body)[0], U64.unpack_from(body, 8)[0]
 
 
 class Frames:
@@ -156,6 +102,10 @@ class Frames:
         self.metadata: list[tuple[str, dict[str, str]]] = []
         self.attachments: list[AttachmentPlace] = []
         self._crc: int | None = zlib.crc32(MAGIC)
+        self._takes: Callable[[Channel], bool] | None = None
+        self._start_ns, self._end_ns = 0, LATEST + 1
+        self._passed_over: set[int] = set()
+        self._chunks: list[ChunkPlace] | None = None
         self._known_size = 0
         try:
             self._file: BinaryIO = open(self.path, "rb")  # noqa: SIM115 - closed by close()
@@ -192,30 +142,78 @@ class Frames:
         if self.damage is not None:
             return
         try:
-            for opcode, offset, body in self._data_section():
+            for opcode, offset, body in self._data_section() if self._chunks is None else self._indexed(self._chunks):
                 try:
                     yield from self._messages_of(opcode, offset, body)
                 except HOSTILE as error:
-                    raise _Damaged(offset, f"{_name(opcode)} record: {error or type(error).__name__}") from None
+                    raise _Damaged(offset, f"{opcode_name(opcode)} record: {error or type(error).__name__}") from None
         except _Damaged as error:
             self.damage = error.damage
+
+    def narrow(self, takes: Callable[[Channel], bool], start_ns: int, end_ns: int) -> str:
+        """Let messages() give only those of channels that `takes` picks with log times in start_ns <= t < end_ns.
+
+        The chunks of a finished file are found by its index; what the index tells is then there at once, and the rest of
+        the file is neither read nor checked. Returns why the file is read through nevertheless, "" when it is not.
+        """
+        self._takes, self._start_ns, self._end_ns = takes, start_ns, end_ns
+        if not self.strict:
+            return "another program wrote it"
+        if self.damage is not None:
+            return self.damage.reason
+        try:
+            index = read_index(self._file, self.size, takes, start_ns, end_ns)
+            self.metadata = [(name, self._metadata_at(offset)) for name, offset in index.metadata]
+        except IndexFault as fault:
+            self.metadata = []
+            self._file.seek(self.end)
+            return fault.reason
+        self.schemas, self.attachments = index.schemas, index.attachments
+        for channel in index.channels.values():
+            self._announced(channel)
+        self._chunks = index.chunks
+        return ""
+
+    def _metadata_at(self, offset: int) -> dict[str, str]:
+        self._file.seek(offset)
+        try:
+            record: Metadata = Metadata.read(ReadDataStream(BytesIO(record_body(self._file))))
+        except HOSTILE:
+            raise IndexFault("metadata stands elsewhere than the index says") from None
+        return record.metadata
+
+    def _announced(self, channel: Channel) -> None:
+        self.channels[channel.id] = channel
+        if self._takes is not None and not self._takes(channel):
+            self._passed_over.add(channel.id)
+        else:
+            self._passed_over.discard(channel.id)
+
+    def _indexed(self, chunks: list[ChunkPlace]) -> Iterator[tuple[int, int, bytes]]:
+        for chunk in chunks:
+            self._file.seek(chunk.offset)
+            opcode, head, body = self._next(chunk.offset)
+            if opcode != Opcode.CHUNK or len(head) + len(body) != chunk.length or _times(body) != chunk[2:]:
+                raise _Damaged(chunk.offset, f"{opcode_name(opcode)} record where the index has another chunk")
+            self.record += 1
+            yield opcode, chunk.offset, body
 
     def chunk_starts(self) -> list[int]:
         """The earliest log time of each record that holds messages, in file order; from the heads only, before messages()."""
         starts = []
         offset = self.end
         size = self.size
-        while offset + _HEAD.size <= size:
+        while offset + HEAD.size <= size:
             self._file.seek(offset)
-            opcode, length = _HEAD.unpack(self._read(_HEAD.size))
+            opcode, length = HEAD.unpack(self._read(HEAD.size))
             if opcode in (0, Opcode.DATA_END) or (length > MAX_CHUNK_BYTES and opcode in _CARRIES_EVENTS):
                 break
             if opcode in (Opcode.CHUNK, Opcode.MESSAGE):
                 head = self._read(16)
                 if len(head) < 16:
                     break
-                starts.append(_U64.unpack_from(head, 6 if opcode == Opcode.MESSAGE else 0)[0])
-            offset += _HEAD.size + length
+                starts.append(U64.unpack_from(head, 6 if opcode == Opcode.MESSAGE else 0)[0])
+            offset += HEAD.size + length
         self._file.seek(self.end)
         return starts
 
@@ -233,24 +231,24 @@ class Frames:
 
     def _next(self, offset: int) -> tuple[int, bytes, bytes]:
         """Opcode, head and body of the next record. Large records of no interest are passed over (foreign files only)."""
-        head = self._read(_HEAD.size)
-        if len(head) < _HEAD.size:
+        head = self._read(HEAD.size)
+        if len(head) < HEAD.size:
             raise _Damaged(offset, "the file ends without its footer", torn=True)
-        opcode, length = _HEAD.unpack(head)
+        opcode, length = HEAD.unpack(head)
         if not opcode:
             raise _Damaged(offset, "zeros where a record should stand")
-        if offset + _HEAD.size + length > self._known_size and offset + _HEAD.size + length > self.size:
-            raise _Damaged(offset, f"the file ends inside a {_name(opcode)} record", torn=True)
+        if offset + HEAD.size + length > self._known_size and offset + HEAD.size + length > self.size:
+            raise _Damaged(offset, f"the file ends inside a {opcode_name(opcode)} record", torn=True)
         if length > MAX_CHUNK_BYTES:
             if self.strict or opcode in _CARRIES_EVENTS:
-                raise _Damaged(offset, f"{_name(opcode)} record of {length} bytes, more than are read")
+                raise _Damaged(offset, f"{opcode_name(opcode)} record of {length} bytes, more than are read")
             self._file.seek(length, os.SEEK_CUR)
             self._crc = None
-            self.end = offset + _HEAD.size + length
+            self.end = offset + HEAD.size + length
             return self._next(self.end)
         body = self._read(length)
         if len(body) < length:
-            raise _Damaged(offset, f"the file ends inside a {_name(opcode)} record", torn=True)
+            raise _Damaged(offset, f"the file ends inside a {opcode_name(opcode)} record", torn=True)
         return opcode, head, body
 
     def _taken(self, head: bytes, body: bytes) -> None:
@@ -261,7 +259,7 @@ class Frames:
     def _header(self) -> None:
         opcode, head, body = self._next(self.end)
         if opcode != Opcode.HEADER:
-            raise _Damaged(self.end, f"{_name(opcode)} record where the header should stand")
+            raise _Damaged(self.end, f"{opcode_name(opcode)} record where the header should stand")
         try:
             header = Header.read(ReadDataStream(BytesIO(body)))
         except HOSTILE as error:
@@ -286,11 +284,11 @@ class Frames:
 
     def _check_own(self, opcode: int, offset: int, body: bytes) -> None:
         if opcode not in _OWN_RECORDS:
-            raise _Damaged(offset, f"{_name(opcode)} record where none is written")
+            raise _Damaged(offset, f"{opcode_name(opcode)} record where none is written")
         try:
             match opcode:
                 case Opcode.MESSAGE_INDEX:
-                    right = _U32.unpack_from(body, 2)[0] == len(body) - 6
+                    right = U32.unpack_from(body, 2)[0] == len(body) - 6
                 case Opcode.ATTACHMENT:
                     right = _spelled(Attachment.read(ReadDataStream(BytesIO(body))), body)
                 case Opcode.METADATA:
@@ -300,7 +298,7 @@ class Frames:
         except HOSTILE:
             right = False
         if not right:
-            raise _Damaged(offset, f"{_name(opcode)} record is damaged")
+            raise _Damaged(offset, f"{opcode_name(opcode)} record is damaged")
 
     def _messages_of(self, opcode: int, offset: int, body: bytes) -> Iterator[RawMessage]:
         match opcode:
@@ -317,28 +315,29 @@ class Frames:
                 attachment = Attachment.read(ReadDataStream(BytesIO(body)))
                 self.attachments.append(AttachmentPlace(offset, attachment.name, len(attachment.data)))
             case Opcode.MESSAGE | Opcode.CHANNEL | Opcode.SCHEMA:
-                yield from self._in_chunk(offset, _HEAD.pack(opcode, len(body)) + body)
+                yield from self._in_chunk(offset, HEAD.pack(opcode, len(body)) + body)
 
     def _in_chunk(self, offset: int, data: bytes) -> Iterator[RawMessage]:
         place, end = 0, len(data)
-        channels = self.channels
-        head, message = _HEAD.unpack_from, _MESSAGE.unpack_from
+        channels, passed_over, start_ns, end_ns = self.channels, self._passed_over, self._start_ns, self._end_ns
+        head, message = HEAD.unpack_from, _MESSAGE.unpack_from
         while place < end:
             opcode, length = head(data, place)
             place += 9
             stop = place + length
             if stop > end:
-                raise _Damaged(offset, f"chunk ends inside a {_name(opcode)} record")
+                raise _Damaged(offset, f"chunk ends inside a {opcode_name(opcode)} record")
             if opcode == Opcode.MESSAGE:
                 channel_id, sequence, log_time, publish_time = message(data, place)
                 if channel_id not in channels:
                     raise _Damaged(offset, f"message of channel {channel_id}, which was not announced")
-                yield RawMessage(log_time, publish_time, sequence, channel_id, data[place + 22 : stop])
+                if start_ns <= log_time < end_ns and channel_id not in passed_over:
+                    yield RawMessage(log_time, publish_time, sequence, channel_id, data[place + 22 : stop])
             elif not opcode:
                 raise _Damaged(offset, "zeros in a chunk where a record should stand")
             elif opcode == Opcode.CHANNEL:
                 channel = Channel.read(ReadDataStream(BytesIO(data[place:stop])))
-                channels[channel.id] = channel
+                self._announced(channel)
             elif opcode == Opcode.SCHEMA:
                 schema = Schema.read(ReadDataStream(BytesIO(data[place:stop])))
                 self.schemas[schema.id] = schema
@@ -346,38 +345,17 @@ class Frames:
 
     def _check_end(self, opcode: int, offset: int, record: bytes) -> None:
         if opcode == Opcode.DATA_END:
-            if len(record) != _HEAD.size + 4:
+            if len(record) != HEAD.size + 4:
                 raise _Damaged(offset, "data end record is damaged")
-            (crc,) = _U32.unpack_from(record, _HEAD.size)
+            (crc,) = U32.unpack_from(record, HEAD.size)
             if crc and self._crc is not None and crc != self._crc:
                 raise _Damaged(offset, "the data before it has another CRC than the data end record says")
             if self.strict and not crc:
                 raise _Damaged(offset, "data end record is damaged")
-            start, record = offset + len(record), b""
+            start = offset + len(record)
         else:
             start = offset
-        rest = self.size - start
-        if rest > MAX_CHUNK_BYTES:
-            raise _Damaged(start, "the summary is larger than is read")
-        fault = summary_fault(record + self._read(rest - len(record)), start)
-        if fault:
-            raise _Damaged(start, fault, torn=fault == UNFINISHED)
-
-
-UNFINISHED: Final = "the file ends inside its summary"
-
-
-def summary_fault(data: bytes, start: int) -> str:
-    """What is wrong with the bytes from the summary's first to the file's last; "" when nothing is."""
-    if len(data) < _FOOTER_BYTES + len(MAGIC) or data[-len(MAGIC) :] != MAGIC:
-        return UNFINISHED
-    place = len(data) - len(MAGIC) - _FOOTER_BYTES
-    opcode, length = _HEAD.unpack_from(data, place)
-    if opcode != Opcode.FOOTER or length != _FOOTER_BYTES - _HEAD.size:
-        return "the footer is damaged"
-    footer = Footer.read(ReadDataStream(BytesIO(data[place + _HEAD.size :])))
-    if footer.summary_start not in (0, start):
-        return "the footer points elsewhere"
-    if footer.summary_crc and zlib.crc32(data[: len(data) - len(MAGIC) - 4]) != footer.summary_crc:
-        return "the summary has a wrong CRC"
-    return ""
+        try:
+            check_footer(self._file, start, self.size)
+        except IndexFault as fault:
+            raise _Damaged(start, fault.reason, fault.torn) from None

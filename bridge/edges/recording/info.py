@@ -7,18 +7,17 @@ bytes inside is not complete.
 
 import os
 from io import BytesIO
-from typing import BinaryIO, Final
+from typing import BinaryIO
 
 import msgspec
 from mcap.data_stream import ReadDataStream
-from mcap.records import AttachmentIndex, Channel, Metadata, MetadataIndex, Statistics
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel, Metadata
 
 from bridge.core.events import DEFAULT_LIMITS, Limits
-from bridge.edges.recording.frames import HOSTILE, MAGIC, Damage, Frames, record_body, summary_fault
+from bridge.edges.recording.frames import Damage, Frames
+from bridge.edges.recording.index import read_index
 from bridge.edges.recording.layout import (
     ABOUT_METADATA,
-    MAX_CHUNK_BYTES,
     SUMMARY_METADATA,
     About,
     Completeness,
@@ -27,9 +26,8 @@ from bridge.edges.recording.layout import (
     event_channel,
 )
 from bridge.edges.recording.reader import Interpretation
+from bridge.edges.recording.records import HOSTILE, record_body
 from bridge.edges.recording.tally import Tally, Totals
-
-_FOOTER_AND_MAGIC: Final = 9 + 20 + 8
 
 
 class ChannelInfo(msgspec.Struct, frozen=True):
@@ -122,31 +120,9 @@ def _from_summary(path: str | os.PathLike[str]) -> RecordingInfo | None:
 
 
 def _told(path: str, file: BinaryIO, size: int) -> RecordingInfo | None:
-    file.seek(max(0, size - _FOOTER_AND_MAGIC))
-    start = int.from_bytes(file.read(_FOOTER_AND_MAGIC)[9:17], "little")
-    if not len(MAGIC) < start < size or size - start > MAX_CHUNK_BYTES:
-        return None
-    file.seek(start)
-    data = file.read(size - start)
-    if summary_fault(data, start):
-        return None
-    channels: dict[int, Channel] = {}
-    counts: dict[int, int] = {}
-    attachments: list[str] = []
-    places: dict[str, int] = {}
-    for record in StreamReader(BytesIO(data), skip_magic=True, record_size_limit=len(data)).records:
-        match record:
-            case Channel():
-                channels[record.id] = record
-            case Statistics():
-                counts = record.channel_message_counts
-            case AttachmentIndex():
-                attachments.append(record.name)
-            case MetadataIndex():
-                places[record.name] = record.offset
-            case _:
-                pass
-    infos = _channels(channels, counts)
+    index = read_index(file, size)
+    places = dict(index.metadata)
+    infos = _channels(index.channels, index.counts)
     totals = Totals.of(_metadata(file, places.get(SUMMARY_METADATA)))
     if totals is None or totals.events != sum(info.messages for info in infos if info.place is not None):
         return None
@@ -158,7 +134,7 @@ def _told(path: str, file: BinaryIO, size: int) -> RecordingInfo | None:
         complete=totals.complete,
         damage=None,
         channels=infos,
-        attachments=tuple(attachments),
+        attachments=tuple(place.name for place in index.attachments),
         from_summary=True,
     )
 

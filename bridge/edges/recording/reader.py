@@ -2,9 +2,11 @@
 
 Rule 1: an unfinished, cut or damaged file gives an exact prefix, and `truncated` says so once it has been read to its end.
 Rule 2: nothing that was recorded is passed over in silence: an element that is no event comes out as RecordedRejected.
-Only channels of other programs are skipped.
+Only channels that are not ours to read (other programs, what viewers are given beside the events) are skipped.
 Rule 3: memory is bounded. Our own files are in log order (checked while reading); a file another tool wrote is sorted as
 far as its chunks overlap, and refused when that takes more than SORT_BYTES.
+Rule 4: who asks for a part (times, classes, targets, a filter) of a finished file gets it from the chunks that can hold it,
+found by the file's index. A file without an index to trust is read from end to end, and `read_through` says why.
 """
 
 import heapq
@@ -12,20 +14,24 @@ import os
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import Final, Self, TypeAlias, assert_never
+from typing import Final, Literal, Self, TypeAlias, assert_never
 
 import msgspec
 from mcap.records import Channel
 
 from bridge.core import codec
 from bridge.core.events import DEFAULT_LIMITS, AnyEvent, Limits
-from bridge.core.keys import EventKey, event_key
+from bridge.core.filters.ast import Expr
+from bridge.core.filters.cover import places
+from bridge.core.filters.predicate import compile_filter
+from bridge.core.keys import EventKey, KeyFormatError, event_key, parse_event_key
 from bridge.edges.recording.frames import Damage, Frames, RawMessage
 from bridge.edges.recording.layout import (
     ABOUT_METADATA,
     GAPS_TOPIC,
     REJECTED_TOPIC,
     STATE_TOPIC,
+    VIEWER_TOPICS,
     About,
     EventChannel,
     Gap,
@@ -192,15 +198,61 @@ def _count(tally: Tally, item: Recorded) -> None:
             assert_never(item)
 
 
+Sort: TypeAlias = Literal["events", "gaps", "rejected", "states"]
+SORTS: Final[frozenset[Sort]] = frozenset(("events", "gaps", "rejected", "states"))
+_SORT_TOPICS: Final[dict[str, Sort]] = {GAPS_TOPIC: "gaps", REJECTED_TOPIC: "rejected", STATE_TOPIC: "states"}
+
+
+class Part(msgspec.Struct, frozen=True, kw_only=True):
+    """Which part of a recording. None is every one; times are log times (when it arrived), start_ns <= t < end_ns.
+
+    A gap, a rejected payload or a keyframe is left out only when its key or target says that it is of something else.
+    `filter` is asked about events; it may name a class only by its GUID, unless it was resolved.
+    """
+
+    start_ns: int = 0
+    end_ns: int | None = None
+    classes: frozenset[str] | None = None
+    targets: frozenset[str] | None = None
+    filter: Expr | None = None
+    only: frozenset[Sort] = SORTS
+
+    @property
+    def is_all(self) -> bool:
+        """Whether nothing is left out."""
+        return self == EVERYTHING
+
+    def places(self) -> Callable[[str, str], bool]:
+        """Whether events of a target and a class may be of this part."""
+        takes = places(self.filter) if self.filter is not None else None
+        classes, targets = self.classes, self.targets
+        return lambda target, event_class: (
+            (targets is None or target in targets)
+            and (classes is None or event_class in classes)
+            and (takes is None or takes(target, event_class))
+        )
+
+
+EVERYTHING: Final = Part()
+
+
 class RecordingReader:
     """An iterator over a recording, and a context manager. It closes the file at the end of the iteration.
 
-    RecordingError when the file cannot be opened or is no MCAP file. limits are those the recorder was told.
+    RecordingError when the file cannot be opened or is no MCAP file. limits are those the recorder was told. `read_through`
+    says why the file is read from end to end, "" when only the chunks are read that can match.
     """
 
-    def __init__(self, path: str | os.PathLike[str], *, limits: Limits = DEFAULT_LIMITS) -> None:
+    def __init__(self, path: str | os.PathLike[str], part: Part = EVERYTHING, *, limits: Limits = DEFAULT_LIMITS) -> None:
+        self._part = part
+        self._places = part.places()
+        self._matches = None if part.filter is None else compile_filter(part.filter)
         self._frames = Frames(path)
         self._interpret = Interpretation(self._frames, limits)
+        self.read_through = "everything was asked for"
+        if not part.is_all:
+            end_ns = _LATEST if part.end_ns is None else part.end_ns
+            self.read_through = self._frames.narrow(self._may_hold, part.start_ns, end_ns)
         self._items = self._read()
 
     def __iter__(self) -> Iterator[Recorded]:
@@ -232,7 +284,7 @@ class RecordingReader:
 
     @property
     def damage(self) -> Damage | None:
-        """Where and why the file ended before its end."""
+        """Where and why the file ended before its end. What a part does not need is not looked at."""
         return self._frames.damage
 
     @property
@@ -245,20 +297,50 @@ class RecordingReader:
         """The records underneath: channels, metadata and attachments passed so far."""
         return self._frames
 
+    def _may_hold(self, channel: Channel) -> bool:
+        sort = _SORT_TOPICS.get(channel.topic)
+        if sort is not None:
+            return sort in self._part.only
+        place = event_channel(channel.message_encoding, channel.metadata)
+        return place is not None and "events" in self._part.only and self._places(place.target, place.event_class)
+
     def _read(self) -> Generator[Recorded, None, None]:
-        interpret = self._interpret
+        interpret, whole = self._interpret, self._part.is_all
         try:
             for raw in in_log_order(self._frames):
                 item = interpret(raw)
-                if item is not None:
+                if item is not None and (whole or self._is_of_part(item)):
                     yield item
         finally:
             self._frames.close()
 
+    def _is_of_part(self, item: Recorded) -> bool:
+        match item:
+            case RecordedEvent(event=event):
+                return self._matches is None or self._matches(event)
+            case RecordedGap(gap=gap):
+                return self._key_may_match(gap.key)
+            case RecordedRejected(rejected=rejected):
+                return self._key_may_match(rejected.key)
+            case RecordedState(state=state):
+                return self._part.targets is None or state.target in self._part.targets
+            case _:
+                assert_never(item)
 
-def read_events(path: str | os.PathLike[str], *, limits: Limits = DEFAULT_LIMITS) -> RecordingReader:
-    """Read a recording: iterate it, then ask `truncated`. Use it in a `with` unless you iterate to the end."""
-    return RecordingReader(path, limits=limits)
+    def _key_may_match(self, text: str) -> bool:
+        try:
+            key = parse_event_key(text)
+        except KeyFormatError:
+            return True
+        return self._places(key.target, key.event_class)
+
+
+def read_events(path: str | os.PathLike[str], part: Part = EVERYTHING, *, limits: Limits = DEFAULT_LIMITS) -> RecordingReader:
+    """Read a recording, or a part of it: iterate it, then ask `truncated`. Use it in a `with` unless you iterate to the end.
+
+    Of a finished file only the chunks that can hold something of the part are read.
+    """
+    return RecordingReader(path, part, limits=limits)
 
 
 def in_log_order(frames: Frames) -> Iterator[RawMessage]:
@@ -274,7 +356,7 @@ def in_log_order(frames: Frames) -> Iterator[RawMessage]:
 def _checked(frames: Frames) -> Iterator[RawMessage]:
     last = -1
     for raw in frames.messages():
-        if raw.log_time <= last:
+        if raw.log_time <= last and not (raw.log_time == last and frames.channels[raw.channel_id].topic in VIEWER_TOPICS):
             raise RecordingError(
                 frames.path, f"log time goes from {last} back to {raw.log_time} in a file that says it is ours"
             )

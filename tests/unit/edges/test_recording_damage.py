@@ -12,8 +12,8 @@ import pytest
 import zstandard
 
 from bridge.edges.recording import Recorded, RecordingError, read_events, scan, summary
-from bridge.edges.recording.frames import MAGIC, chunk_data
 from bridge.edges.recording.layout import Compression
+from bridge.edges.recording.records import MAGIC, chunk_data
 from tests.unit.edges.recording_stories import everything, write_story
 
 COMPRESSIONS: list[Compression] = ["zstd", "lz4", "none"]

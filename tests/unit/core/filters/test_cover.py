@@ -7,7 +7,7 @@ import pytest
 
 from bridge.core.events import Severity
 from bridge.core.filters.ast import Everything, Expr, Not, Or, UnknownClassError
-from bridge.core.filters.cover import MAX_SELECTIONS, Cover, cover, residual
+from bridge.core.filters.cover import MAX_SELECTIONS, Cover, cover, places, residual
 from bridge.core.filters.predicate import compile_filter
 from bridge.core.filters.spelling import where
 from bridge.core.keys import EventKey, Selection, includes
@@ -166,3 +166,17 @@ def test_a_filter_that_names_very_many_targets_and_classes_is_bounded() -> None:
     assert cover(expr) == Cover((Selection(),), False)
     assert residual(expr) == expr
     assert time.perf_counter() - began < 5
+
+
+def test_places_tell_which_targets_and_classes_may_match() -> None:
+    """Never narrower than the filter, and not widened where a cover is: a recording has a channel for each pair."""
+    takes = places((where.target == "plc1") & (where.event_class == EVENT_CLASS) | (where.target == "plc2") & where.is_alarm)
+    pairs = list(product(("plc1", "plc2", "plc3"), (EVENT_CLASS, OTHER_CLASS)))
+    assert [takes(*pair) for pair in pairs] == [True, False, True, True, False, False]
+    names = tuple(f"plc{number}" for number in range(100))
+    assert len(cover(where.target.in_(*names)).selections) == 1
+    many = places(where.target.in_(*names))
+    assert many("plc99", EVENT_CLASS)
+    assert not many("plc100", EVENT_CLASS)
+    assert places(Everything())("any", OTHER_CLASS)
+    assert not places(Not(Everything()))("any", OTHER_CLASS)
