@@ -5,13 +5,15 @@
     channel /rejected                         payloads that could not be decoded, with their key and the reason; no schema
     channel /gaps                             what is known to be missing, at the place where it is missing
     channel /state                            keyframes: all alarms of a logger, taken atomically with its session and seq
+    channels /log, /alarms                    the same once more for viewers: texts, and spans of finished alarms (viewer.py)
     metadata tcbridge                         who recorded what, written when the file is opened
     metadata tcbridge.summary                 what the file holds, written when it is finished
     metadata tcbridge.recovered               where a recovered file came from
     attachments                               the JSON Schema of an event, and the class files handed to the writer
 
 Rule 1: one message is one event with the bytes that were on the wire; log_time is the arrival and grows strictly,
-publish_time the event's own time (log_time when it has none), sequence the low 32 bits of key_seq.
+publish_time the event's own time (log_time when it has none), sequence the low 32 bits of key_seq. A message for viewers has
+the log_time of the one it speaks of.
 Rule 2: every message that refers to a channel stands in a chunk, and every chunk has a CRC.
 Rule 3: realm, target, class and encoding of a channel are in its metadata; with the event they give the whole key.
 """
@@ -31,6 +33,9 @@ ACTIVE_SUFFIX: Final = ".active"
 REJECTED_TOPIC: Final = "/rejected"
 GAPS_TOPIC: Final = "/gaps"
 STATE_TOPIC: Final = "/state"
+LOG_TOPIC: Final = "/log"
+ALARMS_TOPIC: Final = "/alarms"
+VIEWER_TOPICS: Final = (LOG_TOPIC, ALARMS_TOPIC)
 ABOUT_METADATA: Final = "tcbridge"
 SUMMARY_METADATA: Final = "tcbridge.summary"
 RECOVERED_METADATA: Final = "tcbridge.recovered"
@@ -192,7 +197,8 @@ class StatePart(StateFrame, frozen=True, kw_only=True):
     parts: Count = 1
 
 
-def _object(title: str, properties: dict[str, Any]) -> dict[str, Any]:
+def object_schema(title: str, properties: dict[str, Any]) -> dict[str, Any]:
+    """JSON Schema of an object of which every property is there."""
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": title, "type": "object"}
     return head | {"properties": properties, "required": list(properties)}
 
@@ -209,7 +215,7 @@ def event_schema() -> bytes:
 def gap_schema() -> bytes:
     """The JSON Schema of /gaps."""
     numbers = dict.fromkeys(("first_key_seq", "last_key_seq", "count"), _COUNT)
-    return msgspec.json.encode(_object("tcbridge.Gap", {"session": _TEXT, "key": _TEXT, **numbers, "reason": _TEXT}))
+    return msgspec.json.encode(object_schema("tcbridge.Gap", {"session": _TEXT, "key": _TEXT, **numbers, "reason": _TEXT}))
 
 
 def state_schema() -> bytes:
@@ -217,4 +223,4 @@ def state_schema() -> bytes:
     names = dict.fromkeys(("realm", "target", "session"), _TEXT)
     numbers = dict.fromkeys(("seq", "part", "parts"), _COUNT)
     alarms = {"alarms": {"type": "array", "items": codec.schema_of(Alarm)}}
-    return msgspec.json.encode(_object("tcbridge.State", names | numbers | alarms))
+    return msgspec.json.encode(object_schema("tcbridge.State", names | numbers | alarms))

@@ -33,7 +33,9 @@ from bridge.edges.recording.layout import (
     ABOUT_METADATA,
     ACTIVE_SUFFIX,
     ALARMS_PER_MESSAGE,
+    ALARMS_TOPIC,
     GAPS_TOPIC,
+    LOG_TOPIC,
     MAX_ATTACHMENT_BYTES,
     MAX_ELEMENT_BYTES,
     MAX_EVENT_CHANNELS,
@@ -59,6 +61,7 @@ from bridge.edges.recording.layout import (
     state_schema,
 )
 from bridge.edges.recording.tally import ChannelTally, Tally, Totals
+from bridge.edges.recording.viewer import log_schema, span_schema
 
 try:
     import fcntl
@@ -210,6 +213,10 @@ class RecordingWriter:
         self._tally.states += 1
         return log_time
 
+    def add_for_viewers(self, topic: str, data: bytes) -> None:
+        """Put a message for viewers (viewer.py) behind what was written last, at its log time. It is not counted."""
+        self._put(self._own_channel(topic), self._last_log_ns, data, self._last_log_ns, 0)
+
     def attach(self, attachment: Attachment) -> None:
         """Carry a file in the recording. It is on disk after the next flush()."""
         _check_attachment(attachment)
@@ -282,12 +289,15 @@ class RecordingWriter:
     def _add_own(self, topic: str, body: msgspec.Struct, arrival_ns: int, number: int) -> int:
         data = msgspec.json.encode(body)
         log_time = self._log_time(arrival_ns)
+        self._put(self._own_channel(topic), log_time, data, log_time, number & 0xFFFFFFFF)
+        return log_time
+
+    def _own_channel(self, topic: str) -> int:
         if topic not in self._own_channels:
             with self._writing():
                 schema = self._schema(_OWN_SCHEMAS[topic]) if topic in _OWN_SCHEMAS else 0
                 self._own_channels[topic] = self._mcap.register_channel(topic, "json", schema, {})
-        self._put(self._own_channels[topic], log_time, data, log_time, number & 0xFFFFFFFF)
-        return log_time
+        return self._own_channels[topic]
 
     def _put(self, channel_id: int, log_time: int, data: bytes, publish_time: int, sequence: int) -> None:
         # The same as _writing(), spelled out: this is called for every event.
@@ -326,8 +336,19 @@ class RecordingWriter:
 
 _INTERRUPTED: Final = "an interruption in the middle of a write left it unsound; what was flushed can be recovered"
 _FAILURES: Final = (OSError, MemoryError, struct.error, ValueError)
-_SCHEMAS: Final = {"tcbridge.Event": event_schema, "tcbridge.Gap": gap_schema, "tcbridge.State": state_schema}
-_OWN_SCHEMAS: Final = {GAPS_TOPIC: "tcbridge.Gap", STATE_TOPIC: "tcbridge.State"}
+_SCHEMAS: Final = {
+    "tcbridge.Event": event_schema,
+    "tcbridge.Gap": gap_schema,
+    "tcbridge.State": state_schema,
+    "foxglove.Log": log_schema,
+    "foxglove.Event": span_schema,
+}
+_OWN_SCHEMAS: Final = {
+    GAPS_TOPIC: "tcbridge.Gap",
+    STATE_TOPIC: "tcbridge.State",
+    LOG_TOPIC: "foxglove.Log",
+    ALARMS_TOPIC: "foxglove.Event",
+}
 
 
 def _check_attachment(attachment: Attachment) -> None:
