@@ -13,6 +13,7 @@ import msgspec
 from bridge.core import codec, keys
 from bridge.core.arguments import ZERO_GUID, Argument, ArgumentType, EventReference
 from bridge.core.class_offer import ClassesPart, ClassesQuestion
+from bridge.core.control import ControlAnswer, ControlQuestion
 from bridge.core.events import (
     AlarmCleared,
     AlarmConfirmed,
@@ -55,6 +56,8 @@ TYPES: Final[dict[str, tuple[type[msgspec.Struct], str]]] = {
     "command-answer": (CommandAnswer, "answered on @do/{command}"),
     "clear-log-question": (ClearLogQuestion, "asked on @do/clear_log"),
     "clear-log-answer": (ClearLogAnswer, "answered on @do/clear_log"),
+    "control-question": (ControlQuestion, "asked on @control/{command}"),
+    "control-answer": (ControlAnswer, "answered on @control/{command}"),
 }
 """The payloads beside events, by file name. They may use $ref; an event's schema may not."""
 

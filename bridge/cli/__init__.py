@@ -33,6 +33,7 @@ COMMANDS: Final = {
     "listen": "bridge.cli.listen:listen",
     "record": "bridge.cli.record:record",
     "replay": "bridge.cli.replay:replay",
+    "control": "bridge.cli.control:control",
     "info": "bridge.cli.info:info",
     "filter explain": "bridge.cli.filter:explain",
     "classes list": "bridge.cli.classes:class_list",

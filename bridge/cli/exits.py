@@ -53,10 +53,12 @@ _ERRORS: Final[dict[str, Exit]] = {
     "TargetTakenError": Exit.NO,
     "TwoLoggersError": Exit.NO,
     "NotFreshError": Exit.NO,
+    "NameTakenError": Exit.NO,
     "DemoError": Exit.NO,
     "QueueFullError": Exit.LOST,
     "BusError": Exit.UNKNOWN,
     "NoLoggerError": Exit.UNKNOWN,
+    "NobodyError": Exit.UNKNOWN,
     "CommandUnknownError": Exit.UNKNOWN,
     "OSError": Exit.NO,
 }

@@ -175,6 +175,7 @@ VERBS: Final = {
         Verb("@log", "", _ASK, "stored events of a logger"),
         Verb("@classes", "", _ASK, "event classes a logger offers"),
         Verb("@do", "command", _ASK, "commands to a logger"),
+        Verb("@control", "command", _ASK, "commands to a recorder or a player, whose name stands for the target"),
         Verb("@sent", "session", _ASK, "events a publisher still holds, for those who missed them"),
         Verb("@beat", "session", _TELL, "a publisher's numbers, each second"),
         Verb("@alive", "role", _LIVE, "who is there: role and session"),
@@ -182,15 +183,15 @@ VERBS: Final = {
 }
 
 
-def verb_key(realm: str, target: str | None, verb: str, *parts: str | None) -> str:
-    """The hidden key of a question, command, beat or token; None stands for every target or part.
+def verb_key(realm: str | None, target: str | None, verb: str, *parts: str | None) -> str:
+    """The hidden key of a question, command, beat or token; None stands for every realm, target or part.
 
     ValueError for a verb that is not in VERBS.
     """
     if verb not in VERBS:
         raise ValueError(f"{verb!r} is no verb; expected one of {', '.join(VERBS)}")
-    names = [escape(realm), "*" if target is None else escape(target), verb]
-    return "/".join([PREFIX, *names, *("*" if part is None else escape(part) for part in parts)])
+    realm_chunk, target_chunk, *rest = ("*" if name is None else escape(name) for name in (realm, target, *parts))
+    return "/".join([PREFIX, realm_chunk, target_chunk, verb, *rest])
 
 
 def parse_verb_key(key: str) -> tuple[str, str, str, tuple[str, ...]]:

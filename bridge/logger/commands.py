@@ -11,16 +11,13 @@ alarm that somebody else has cleared, confirmed or disposed of meanwhile is pass
 not tried: what was done is done, and the same call again does what is left.
 """
 
-import os
-import socket
-import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from pathlib import Path
 from typing import Final
 
 import msgspec
 
+from bridge.asking import new_id, this_client
 from bridge.core.alarms import Alarm, AlarmCommand, AlarmKey, Clear, Confirm, Create, Dispose, Raise
 from bridge.core.arguments import Argument, Value, guid
 from bridge.core.events import ConfirmationState, MessageSent, Severity, Source
@@ -33,11 +30,6 @@ from bridge.publisher import default_source
 
 _LATE: Final = (ADS_E_INVALIDSTATE, ADS_E_NOTFOUND)
 """What a logger answers when an alarm is not any more as it was."""
-
-
-def this_client() -> str:
-    """Where commands of this process come from: host:program."""
-    return f"{socket.gethostname()}:{Path(sys.argv[0]).name or 'python'}"[:255]
 
 
 class Created(msgspec.Struct, frozen=True, kw_only=True):
@@ -88,7 +80,7 @@ class Commands(ABC):
         """
         which = LogQuestion() if which is None else which
         answer = self._clear(
-            ClearLogQuestion(id=os.urandom(8).hex(), which=which, operator=operator, client=self._client, comment=comment)
+            ClearLogQuestion(id=new_id(), which=which, operator=operator, client=self._client, comment=comment)
         )
         raise_if_failed(answer.result, answer.detail)
         return answer.cleared
@@ -114,7 +106,7 @@ class Commands(ABC):
         return answer
 
     def _once(self, command: AlarmCommand) -> CommandAnswer:
-        return self._do(CommandQuestion(id=os.urandom(8).hex(), command=command))
+        return self._do(CommandQuestion(id=new_id(), command=command))
 
     def create_alarm(
         self,

@@ -13,6 +13,7 @@ from typing import Final, Self, TypeVar
 
 import msgspec
 
+from bridge.asking import ask_sessions, read_answer
 from bridge.core import codec, keys
 from bridge.core.alarms import Alarm, AlarmKey
 from bridge.core.arguments import ZERO_GUID, Argument, Value
@@ -28,7 +29,7 @@ from bridge.core.questions import (
     StatePart,
     Stored,
 )
-from bridge.edges.bus import Answer, Bus
+from bridge.edges.bus import Bus
 from bridge.listener import TwoLoggersError
 from bridge.logger.commands import Commands
 from bridge.logger.presence import Presence
@@ -121,14 +122,8 @@ class LoggerProxy(Commands):
 
     def _ask(self, kind: type[_T], verb: str, payload: bytes, *parts: str, timeout_s: float = _ASK_S) -> tuple[list[_T], str]:
         """The answers of the one logger, and the last refusal heard. TwoLoggersError when two answer."""
-        found: dict[str, list[_T]] = {}
-        reason = ""
-        for answer in self.bus.ask(keys.verb_key(self.realm, self.target, verb, *parts), payload, timeout_s=timeout_s):
-            item = _read(answer, kind)
-            if isinstance(item, str):
-                reason = item
-            else:
-                found.setdefault(item.session, []).append(item)
+        key = keys.verb_key(self.realm, self.target, verb, *parts)
+        found, reason = ask_sessions(self.bus, key, payload, kind, timeout_s=timeout_s)
         if len(found) > 1:
             found = {session: items for session, items in found.items() if not items[0].read_only} or found
         if len(found) > 1:
@@ -192,7 +187,7 @@ class LoggerProxy(Commands):
         taken = _Parts(self.target)
         key = keys.verb_key(self.realm, self.target, "@log")
         for answer in self.bus.ask_each(key, msgspec.json.encode(question), timeout_s=_LOG_S):
-            part = _read(answer, LogPart)
+            part = read_answer(answer, LogPart)
             if isinstance(part, str):
                 reason = part
             elif part.read_only:
@@ -272,13 +267,3 @@ class _Parts:
             raise NoLoggerError(self.target, "@log", f"part {self.next} of the answer is missing")
         self.session, self.next, self.done = part.session, self.next + 1, part.last
         return part.events
-
-
-def _read(answer: Answer, kind: type[_T]) -> _T | str:
-    """The answer, or why it is none."""
-    if answer.error:
-        return answer.payload.decode(errors="replace")
-    try:
-        return msgspec.json.decode(answer.payload, type=kind)
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        return f"cannot be read: {error}"

@@ -14,6 +14,7 @@ from bridge.core.alarms import AlarmKey, Clear, Confirm, Create, Dispose, Raise,
 from bridge.core.arguments import Argument, ArgumentType
 from bridge.core.catalog import EventClass, EventEntry
 from bridge.core.class_offer import ClassesPart, ClassesQuestion
+from bridge.core.control import ControlAnswer, ControlQuestion, Seek, Status
 from bridge.core.events import KIND_NAMES, AlarmRaised, ConfirmationState, MessageSent, Severity
 from bridge.core.filters.ast import And as AndExpr
 from bridge.core.filters.ast import Between, Compare, Expr, Flag, In, IsEmpty, JsonPointer, Like, Not
@@ -239,6 +240,9 @@ SAMPLES: list[msgspec.Struct] = [
     CommandQuestion(id="1", command=Dispose(key=KEY, time_ns=1)),
     ClearLogQuestion(id="1", which=LogQuestion(limit=1, sort="id", take_last=True, view="occurrences", lang="de")),
     ClearLogAnswer(id="1", session="s", cleared=3),
+    ControlQuestion(id="1", command=Seek("2026-11-22T08:00:00Z"), operator="op", comment="again"),
+    ControlQuestion(id="2", command=Status()),
+    ControlAnswer(id="1", session="s", status={"state": "paused", "events": 3, "rate": 0.5, "loop": True}, takes=("status",)),
     CommandAnswer(id="1", session="s", result=0xB7, alarm=ALARMS[0], created=True),
 ]
 

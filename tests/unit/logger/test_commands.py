@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import msgspec
 import pytest
 
+from bridge.asking import this_client
 from bridge.core.alarms import Alarm, AlarmKey, Clear
 from bridge.core.arguments import Argument
 from bridge.core.events import AlarmEvent, ConfirmationState, LimitError, MessageSent, Severity, Source
@@ -22,7 +23,6 @@ from bridge.core.hresult import (
 )
 from bridge.core.questions import LogQuestion
 from bridge.logger import Commands, EventLogger, LoggerProxy
-from bridge.logger.commands import this_client
 from bridge.testing.builders import TIME_NS
 from tests.unit.logger.logger_stories import CLASS, PUMP, alone, eventually, new_alarm
 
