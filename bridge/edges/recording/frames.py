@@ -77,6 +77,10 @@ def _spelled(record: McapRecord, body: bytes) -> bool:
     return spelled[HEAD.size :] == body
 
 
+def _every(channel: Channel) -> bool:
+    return True
+
+
 def _times(body: bytes) -> tuple[int, int]:
     """The log times of the first and last message of a chunk, as its head has them."""
     return U64.unpack_from(body)[0], U64.unpack_from(body, 8)[0]
@@ -150,19 +154,22 @@ class Frames:
         except _Damaged as error:
             self.damage = error.damage
 
-    def narrow(self, takes: Callable[[Channel], bool], start_ns: int, end_ns: int) -> str:
-        """Let messages() give only those of channels that `takes` picks with log times in start_ns <= t < end_ns.
-
-        The chunks of a finished file are found by its index; what the index tells is then there at once, and the rest of
-        the file is neither read nor checked. Returns why the file is read through nevertheless, "" when it is not.
-        """
+    def only(self, takes: Callable[[Channel], bool], start_ns: int = 0, end_ns: int = LATEST + 1) -> None:
+        """Let messages() give only those of channels that `takes` picks with log times in start_ns <= t < end_ns."""
         self._takes, self._start_ns, self._end_ns = takes, start_ns, end_ns
+
+    def use_index(self) -> str:
+        """Let messages() read only the chunks that may hold what only() chose, by the index of a finished file.
+
+        What the index tells is then there at once, and the rest of the file is neither read nor checked. Returns why the file
+        is read through nevertheless, "" when it is not.
+        """
         if not self.strict:
             return "another program wrote it"
         if self.damage is not None:
             return self.damage.reason
         try:
-            index = read_index(self._file, self.size, takes, start_ns, end_ns)
+            index = read_index(self._file, self.size, self._takes or _every, self._start_ns, self._end_ns)
             self.metadata = [(name, self._metadata_at(offset)) for name, offset in index.metadata]
         except IndexFault as fault:
             self.metadata = []

@@ -3,7 +3,7 @@
 Rule 1: it is believed only when the footer and its CRC are right and the places fit the file and each other; else IndexFault
 says why not, and the file has to be read through.
 Rule 2: memory is bounded by the chunks that can match: places of the others are checked and forgotten.
-Rule 3: only for files of our own writer. In those log times grow from chunk to chunk, and channels never change.
+Rule 3: only for files of our own writer. In those log times never go back, and channels never change.
 """
 
 import zlib
@@ -149,7 +149,7 @@ def _read(
                 if not inside:
                     continue
                 first, last = chunk.message_start_time, chunk.message_end_time
-                if not last_ns < first <= last or place > data_end:
+                if not last_ns <= first <= last or place > data_end:
                     raise IndexFault("the chunk index contradicts itself")
                 last_ns = last
                 if last >= start_ns and first < end_ns and any(wanted[number] for number in inside):

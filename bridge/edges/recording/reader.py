@@ -249,10 +249,8 @@ class RecordingReader:
         self._matches = None if part.filter is None else compile_filter(part.filter)
         self._frames = Frames(path)
         self._interpret = Interpretation(self._frames, limits)
-        self.read_through = "everything was asked for"
-        if not part.is_all:
-            end_ns = _LATEST if part.end_ns is None else part.end_ns
-            self.read_through = self._frames.narrow(self._may_hold, part.start_ns, end_ns)
+        self._frames.only(self._may_hold, part.start_ns, _LATEST if part.end_ns is None else part.end_ns)
+        self.read_through = "everything was asked for" if part.is_all else self._frames.use_index()
         self._items = self._read()
 
     def __iter__(self) -> Iterator[Recorded]:
