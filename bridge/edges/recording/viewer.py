@@ -2,28 +2,35 @@
 
     channel /log     foxglove.Log: the text of each event, gap and rejected payload, for log panels
     channel /alarms  foxglove.Event: one message per finished life of an alarm, from raised to cleared, for time lines
+    attachments      classes that only somebody on the bus knew, as .tmc
 
 Rule 1: these channels repeat what the others hold, for eyes. Readers of ours pass them over, and they count nowhere.
 Rule 2: a message stands right behind the one it speaks of and has its log time.
 Rule 3: texts are those of the language and classes known at that moment; of an unknown class "<GUID>#7 (a, b)".
-Rule 4: a life begins with its raise, as in the log. It is finished when it is neither raised nor waits for confirmation, or
+Rule 4: the definition of a class that neither the program nor an attachment has is attached as soon as it is known, so that
+texts can be made again from the file alone, in another language too.
+Rule 5: a life begins with its raise, as in the log. It is finished when it is neither raised nor waits for confirmation, or
 when the alarm is raised again before it was confirmed.
 
 Sources: https://docs.foxglove.dev/docs/sdk/schemas/log and .../event for the fields and names; the rules for a JSON Schema that
 opens without a plug-in are in docs/recordings.md.
 """
 
+import logging
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import msgspec
 
 from bridge.core.alarms import Alarm, AlarmKey, alarm_key
-from bridge.core.catalog import ENGLISH, Catalog, Language, language_id
+from bridge.core.catalog import ENGLISH, Catalog, EventClass, Language, language_id, language_tag
 from bridge.core.events import AlarmDisposed, AlarmEvent, AlarmRaised, AnyEvent, MessageSent, Severity, is_active
 from bridge.core.keys import KeyFormatError, parse_event_key
 from bridge.core.times import NS_PER_S, time_text
-from bridge.edges.recording.layout import ALARMS_TOPIC, LOG_TOPIC, Gap, RejectedPayload, object_schema, plain
+from bridge.core.tmc_writer import write_classes
+from bridge.edges.recording.layout import ALARMS_TOPIC, LOG_TOPIC, Attachment, Gap, RejectedPayload, object_schema, plain
+
+log: Final = logging.getLogger(__name__)
 
 Classes: TypeAlias = Callable[[AnyEvent | Alarm], Catalog]
 """The classes known now, with that of the event if anybody has it; it must not wait."""
@@ -104,7 +111,7 @@ _TIME: Final = _part(
 )
 
 
-class Said(msgspec.Struct, frozen=True):
+class Said(NamedTuple):
     """One message for viewers: its channel and its bytes."""
 
     topic: str
@@ -112,11 +119,12 @@ class Said(msgspec.Struct, frozen=True):
 
 
 class Viewer:
-    """Makes the messages for viewers, in the order of the recording. `known` says which classes there are."""
+    """Makes the messages for viewers, in the order of the recording, over several files if there are."""
 
-    def __init__(self, known: Classes, language: Language = ENGLISH) -> None:
-        """LanguageError for an unknown language."""
-        self._known, self._language = known, language_id(language)
+    def __init__(self, known: Classes, language: Language = ENGLISH, own: Catalog | None = None) -> None:
+        """known says which classes there are, own those that need not be attached. LanguageError for an unknown language."""
+        self.known, self._language = known, language_id(language)
+        self._own = Catalog() if own is None else own
         self._open: dict[AlarmKey, AlarmEvent | Alarm] = {}
         self._told: dict[AlarmKey, int] = {}
 
@@ -128,9 +136,24 @@ class Viewer:
             elif alarm.time_raised_ns:
                 self._told[alarm.key] = alarm.time_raised_ns
 
+    @property
+    def metadata(self) -> dict[str, str]:
+        """The metadata of the channels for viewers: the language of their texts."""
+        return {"language": language_tag(self._language)}
+
+    def definition(self, found: EventClass) -> Attachment | None:
+        """The class as an attachment; None when it need not be attached, or cannot be written."""
+        if found.guid in self._own:
+            return None
+        try:
+            return Attachment(f"{found.name}-{found.guid[:8]}.tmc", write_classes([found]), "application/xml")
+        except ValueError as error:
+            log.warning("class %s is not attached: %s", found.guid, error)
+            return None
+
     def event(self, event: AnyEvent, log_time_ns: int) -> Iterator[Said]:
         """The line of an event, and the span of a life that it ends."""
-        catalog = self._known(event)
+        catalog = self.known(event)
         yield Said(LOG_TOPIC, _encode(self._line(event, catalog, log_time_ns)))
         if not isinstance(event, MessageSent):
             for ended, end_ns in self._ended(event):
@@ -156,7 +179,7 @@ class Viewer:
             _stamp(event.time_ns or log_time_ns),
             event.severity + 1,
             plain(text),
-            self._name(event, catalog),
+            plain(self._name(event, catalog)),
             plain(catalog.class_name(event.event_class, self._language)),
             event.event_id,
         )

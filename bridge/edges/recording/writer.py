@@ -46,6 +46,7 @@ from bridge.edges.recording.layout import (
     SCHEMA_ATTACHMENT,
     STATE_TOPIC,
     SUMMARY_METADATA,
+    VIEWER_TOPICS,
     About,
     Attachment,
     Compression,
@@ -61,7 +62,7 @@ from bridge.edges.recording.layout import (
     state_schema,
 )
 from bridge.edges.recording.tally import ChannelTally, Tally, Totals
-from bridge.edges.recording.viewer import log_schema, span_schema
+from bridge.edges.recording.viewer import Viewer, log_schema, span_schema
 
 try:
     import fcntl
@@ -81,6 +82,7 @@ class RecordingWriter:
 
     path: the name it will have, ending in .mcap. ValueError for another name or a size out of range; RecordingError when the
     file or its active form exists, or cannot be created. about and attachments explain the recording to whoever opens it.
+    With a viewer every event, gap and rejected payload is followed by what viewers show of it.
     """
 
     def __init__(
@@ -92,6 +94,7 @@ class RecordingWriter:
         compression: Compression = "zstd",
         chunk_size: int = 1 << 20,
         sync: bool = False,
+        viewer: Viewer | None = None,
     ) -> None:
         about = about or About()
         self.path = Path(path)
@@ -108,6 +111,8 @@ class RecordingWriter:
         self._channels: dict[tuple[str, str, str, str], tuple[int, ChannelTally]] = {}
         self._own_channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
+        self._viewer = viewer
+        self._unexplained: dict[str, AnyEvent] = {}
         self._tally = Tally()
         self._done = False
         self._fault = ""
@@ -174,10 +179,17 @@ class RecordingWriter:
         sequence = index(event.key_seq) & 0xFFFFFFFF
         if known is None:
             known = self._channels[place] = self._register(EventChannel(*place))
+            if self._viewer is not None:
+                self._unexplained[key.event_class] = event
         channel_id, counts = known
         self._put(channel_id, log_time, element, time_ns or log_time, sequence)
         counts.add(event)
         self._tally.event_time(time_ns)
+        if self._viewer is not None:
+            for said in self._viewer.event(event, log_time):
+                self.add_for_viewers(*said)
+            if event.event_class in self._unexplained:
+                self._explain(event)
         return log_time
 
     def add_rejected(self, key: str, encoding: str, payload: bytes, reason: str, arrival_ns: int) -> int:
@@ -186,12 +198,16 @@ class RecordingWriter:
         body = RejectedPayload(key=plain(key), encoding=plain(encoding), payload=kept, size=len(payload), reason=plain(reason))
         log_time = self._add_own(REJECTED_TOPIC, body, arrival_ns, self._tally.rejected + 1)
         self._tally.rejected += 1
+        if self._viewer is not None:
+            self.add_for_viewers(*self._viewer.rejected(body, log_time))
         return log_time
 
     def add_gap(self, gap: Gap, arrival_ns: int) -> int:
         """Record that something is missing here; returns its log time."""
         log_time = self._add_own(GAPS_TOPIC, gap, arrival_ns, self._tally.gaps + 1)
         self._tally.gap(gap)
+        if self._viewer is not None:
+            self.add_for_viewers(*self._viewer.gap(gap, log_time))
         return log_time
 
     def add_state(self, state: StateFrame, arrival_ns: int) -> int:
@@ -211,11 +227,22 @@ class RecordingWriter:
             )
             log_time = self._add_own(STATE_TOPIC, body, arrival_ns, part)
         self._tally.states += 1
+        if self._viewer is not None:
+            self._viewer.state(alarms)
         return log_time
 
     def add_for_viewers(self, topic: str, data: bytes) -> None:
         """Put a message for viewers (viewer.py) behind what was written last, at its log time. It is not counted."""
         self._put(self._own_channel(topic), self._last_log_ns, data, self._last_log_ns, 0)
+
+    def _explain(self, event: AnyEvent) -> None:
+        """Attach the definition of the event's class, once it is known and if nobody else has it."""
+        found = self._viewer.known(event).lookup(event.event_class) if self._viewer is not None else None
+        if self._viewer is not None and found is not None:
+            del self._unexplained[event.event_class]
+            definition = self._viewer.definition(found)
+            if definition is not None:
+                self.attach(definition)
 
     def attach(self, attachment: Attachment) -> None:
         """Carry a file in the recording. It is on disk after the next flush()."""
@@ -239,6 +266,8 @@ class RecordingWriter:
         unknown_tails: the sessions that were heard but did not say where they ended; with any, the recording is not complete.
         next_file: the name of the file in which the recording goes on.
         """
+        for event in tuple(self._unexplained.values()):
+            self._explain(event)
         summary = self._tally.totals(tuple(unknown_tails), plain(next_file)).metadata()
         with self._writing():
             self._mcap.add_metadata(SUMMARY_METADATA, summary)
@@ -296,7 +325,8 @@ class RecordingWriter:
         if topic not in self._own_channels:
             with self._writing():
                 schema = self._schema(_OWN_SCHEMAS[topic]) if topic in _OWN_SCHEMAS else 0
-                self._own_channels[topic] = self._mcap.register_channel(topic, "json", schema, {})
+                metadata = self._viewer.metadata if self._viewer is not None and topic in VIEWER_TOPICS else {}
+                self._own_channels[topic] = self._mcap.register_channel(topic, "json", schema, metadata)
         return self._own_channels[topic]
 
     def _put(self, channel_id: int, log_time: int, data: bytes, publish_time: int, sequence: int) -> None:

@@ -9,6 +9,7 @@ import msgspec
 import pytest
 from mcap.reader import make_reader
 
+from bridge.core import tmc
 from bridge.core.alarms import Alarm
 from bridge.core.arguments import Argument
 from bridge.core.catalog import Catalog, EventClass, EventEntry, LanguageError
@@ -23,9 +24,10 @@ from bridge.core.events import (
     Severity,
 )
 from bridge.edges.recording import RecordingWriter, Viewer, read_events, scan, summary
+from bridge.edges.recording.frames import Frames
 from bridge.edges.recording.layout import RejectedPayload, event_schema, gap_schema, state_schema
 from bridge.edges.recording.viewer import log_schema, span_schema
-from tests.unit.edges.recording_stories import ABOUT, AXIS, GAP, START, events_of, everything, kinds, message, record
+from tests.unit.edges.recording_stories import ABOUT, AXIS, GAP, PUMP, START, events_of, everything, kinds, message, record
 
 WAIT, CONFIRMED = ConfirmationState.WAIT_FOR_CONFIRMATION, ConfirmationState.CONFIRMED
 S = 1_000_000_000
@@ -193,15 +195,12 @@ def test_a_loss_is_told_to_viewers_too() -> None:
 
 
 def for_viewers(path: Path, events: int = 6) -> None:
-    """A recording with messages for viewers beside a few events and one finished alarm."""
-    eyes = viewer()
+    """A recording with messages for viewers beside a few events, one finished alarm and a gap."""
     history = [*(message(number) for number in range(events)), jam(AlarmRaised, 1), jam(AlarmCleared, 2, cleared=2)]
-    with RecordingWriter(path, about=ABOUT) as writer:
+    with RecordingWriter(path, about=ABOUT, viewer=viewer("de")) as writer:
         for place, event in enumerate(history):
-            log_time = record(writer, event, START + place // 3)
-            for said in eyes.event(event, log_time):
-                writer.add_for_viewers(said.topic, said.data)
-        writer.add_for_viewers("/log", eyes.gap(GAP, writer.add_gap(GAP, START)).data)
+            record(writer, event, START + place // 3)
+        writer.add_gap(GAP, START)
 
 
 def test_readers_of_ours_pass_over_what_is_for_viewers(tmp_path: Path) -> None:
@@ -220,14 +219,54 @@ def test_readers_of_ours_pass_over_what_is_for_viewers(tmp_path: Path) -> None:
 
 
 def test_others_find_each_message_beside_its_event(tmp_path: Path) -> None:
-    """MCAP's own reader gives the line at the event's log time, under Foxglove's schema names."""
+    """MCAP's own reader gives the line at the event's log time, under Foxglove's schema names, and the language."""
     for_viewers(tmp_path / "a.mcap")
+    languages = set()
     times: dict[str, list[int]] = {}
     with open(tmp_path / "a.mcap", "rb") as file:
-        for schema, _, raw in make_reader(file, validate_crcs=True).iter_messages():
+        for schema, channel, raw in make_reader(file, validate_crcs=True).iter_messages():
             times.setdefault(schema.name if schema is not None else "", []).append(raw.log_time)
+            languages.add((channel.topic, channel.metadata.get("language")))
+    assert {("/log", "de-DE"), ("/alarms", "de-DE"), ("/gaps", None)} < languages
     assert times["foxglove.Log"] == sorted(times["tcbridge.Event"] + times["tcbridge.Gap"])
     assert times["foxglove.Event"] == [times["tcbridge.Event"][-1]]
+
+
+def attached(path: Path) -> list[str]:
+    """The attachments that define classes."""
+    return [name for name in summary(path).attachments if name.endswith(".tmc")]
+
+
+def test_a_class_that_nobody_else_has_is_attached_once_it_is_known(tmp_path: Path) -> None:
+    """As soon as it is: a recorder that is killed later has it. What is the program's own is not attached."""
+    known = Catalog()
+    eyes = Viewer(lambda event: known)
+    with RecordingWriter(tmp_path / "a.mcap", viewer=eyes) as writer:
+        record(writer, message(1), START)
+        known = CATALOG
+        record(writer, message(2), START)
+        record(writer, message(3), START)
+        writer.flush()
+        (definition,) = [place for place in scan(writer.active_path).attachments if place.endswith(".tmc")]
+    assert attached(tmp_path / "a.mcap") == [definition] == ["Axis-54cc5482.tmc"]
+    with read_events(tmp_path / "a.mcap") as reader:
+        assert len(list(reader)) == 3
+        place = next(place for place in reader.frames.attachments if place.name == definition)
+    with Frames(tmp_path / "a.mcap") as frames:
+        assert tmc.read_classes(frames.attachment(place).data).classes == (AXES,)
+    with RecordingWriter(tmp_path / "b.mcap", viewer=Viewer(lambda event: CATALOG, own=CATALOG)) as writer:
+        record(writer, message(1), START)
+    assert attached(tmp_path / "b.mcap") == []
+
+
+def test_a_class_that_is_known_at_the_end_is_attached_at_the_end(tmp_path: Path) -> None:
+    """Its answer came after its last event; and a class without events, which cannot be written, harms nothing."""
+    known = Catalog()
+    with RecordingWriter(tmp_path / "a.mcap", viewer=Viewer(lambda event: known)) as writer:
+        record(writer, message(1), START)
+        record(writer, message(1, PUMP), START)
+        known = Catalog([AXES, EventClass(PUMP, "Pump")])
+    assert attached(tmp_path / "a.mcap") == ["Axis-54cc5482.tmc"]
 
 
 def faults(schema: object, path: str = "") -> list[str]:
