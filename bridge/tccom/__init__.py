@@ -1,0 +1,1 @@
+"""TcCOM: modules with identity, interfaces and a life cycle."""

@@ -1,0 +1,194 @@
+"""Objects come, are found, held and moved, and go."""
+
+import pytest
+
+from bridge.core.hresult import (
+    ADS_E_EXCEPTION,
+    ADS_E_EXISTS,
+    ADS_E_INVALIDCLSID,
+    ADS_E_INVALIDOBJID,
+    ADS_E_INVALIDPARM,
+    ADS_E_INVALIDSTATE,
+    ADS_E_NOINTERFACE,
+    ADS_E_NOTFOUND,
+    E_POINTER,
+    S_FALSE,
+    AdsError,
+)
+from bridge.tccom.general import IObject, IObjectServer
+from bridge.tccom.identity import CREATE_NEW_ID, FIRST_FREE_ID, OBJECT_SERVER_ID
+from bridge.tccom.interfaces import Answer
+from bridge.tccom.reports import Report, ReportKind
+from bridge.tccom.server import ObjectServer
+from bridge.tccom.states import State
+from tests.unit.tccom.tccom_stories import Calculation, Caller, ICalculation, Scripted
+
+
+def test_an_object_is_created_called_and_deleted() -> None:
+    """Create, use through the reference, delete: one object more, and one less."""
+    with ObjectServer() as server:
+        with server.create(Calculation, ICalculation, name="calc", state=State.OP) as calculation:
+            assert calculation.addition(1, 2) == Answer(3)
+            assert calculation.subtraction(a=1, b=2) == Answer(-1, S_FALSE)
+        (info,) = server.objects(class_id=Calculation.class_id)
+        assert (info.object_id, info.name, info.state, info.references) == (FIRST_FREE_ID, "calc", State.OP, 1)
+        server.delete(info.object_id)
+        assert [one.object_id for one in server.objects()] == [OBJECT_SERVER_ID]
+        assert server.living == 1
+    assert server.living == 0
+
+
+def test_an_object_lives_as_long_as_it_is_held() -> None:
+    """Deleted while somebody holds it, it is found no more, but can be called until the last holder lets go."""
+    with ObjectServer() as server:
+        reference = server.create(Calculation, ICalculation, state=State.OP)
+        server.delete(reference.object_id)
+        with pytest.raises(AdsError) as failure:
+            server.get(reference.object_id, ICalculation)
+        assert failure.value.code == ADS_E_NOTFOUND
+        assert reference.interface.addition(1, 1).value == 2
+        assert server.living == 2
+        assert reference.release() == 0
+        assert server.living == 1
+        with pytest.raises(AdsError) as failure:
+            reference.interface.addition(1, 1)
+        assert failure.value.code == E_POINTER
+
+
+def test_holders_are_counted() -> None:
+    """The object server is one; add_ref and release answer the count; more than was taken is not given back."""
+    with ObjectServer() as server:
+        reference = server.create(Calculation, ICalculation)
+        assert [reference.add_ref(), reference.add_ref()] == [3, 4]
+        with reference.query(IObject) as found:
+            assert found.get_object_id().value == reference.object_id
+            assert server.object_info(reference.object_id).references == 5
+        assert [reference.release(), reference.release(), reference.release()] == [3, 2, 1]
+        with pytest.raises(AdsError) as failure:
+            reference.release()
+        assert failure.value.code == E_POINTER
+        reference.safe_release()
+        assert server.object_info(reference.object_id).references == 1
+
+
+def test_references_of_a_dead_owner_are_released() -> None:
+    """A process that died does not keep objects alive."""
+    with ObjectServer() as server:
+        mine = server.create(Calculation, ICalculation)
+        theirs = [server.get(mine.object_id, ICalculation, owner="session") for _ in range(3)]
+        theirs[0].add_ref()
+        theirs[1].safe_release()
+        assert server.object_info(mine.object_id).references == 5
+        assert server.release_owner("session") == 2
+        assert server.release_owner("session") == 0
+        assert server.object_info(mine.object_id).references == 2
+
+
+@pytest.mark.parametrize(
+    ("call", "code"),
+    [
+        (lambda server: server.get(1, ICalculation), ADS_E_NOTFOUND),
+        (lambda server: server.get(OBJECT_SERVER_ID, ICalculation), ADS_E_NOINTERFACE),
+        (lambda server: server.create("Calculation", ICalculation), ADS_E_INVALIDCLSID),
+        (lambda server: server.create(Calculation, ICalculation, object_id=0), ADS_E_INVALIDOBJID),
+        (lambda server: server.create(Calculation, ICalculation, object_id=OBJECT_SERVER_ID), ADS_E_EXISTS),
+        (lambda server: server.create(Calculation, IObjectServer), ADS_E_NOINTERFACE),
+        (lambda server: server.create(Calculation, ICalculation, parameters={"ofset": 1}), ADS_E_NOTFOUND),
+        (lambda server: server.create(Calculation, ICalculation, state=State.INIT), ADS_E_INVALIDSTATE),
+        (lambda server: server.delete(1), ADS_E_NOTFOUND),
+    ],
+)
+def test_what_cannot_be_is_refused_with_its_code(call: object, code: int) -> None:
+    """Each refusal has the code of the manual's table, and leaves no object behind."""
+    assert callable(call)
+    with ObjectServer() as server:
+        with pytest.raises(AdsError) as failure:
+            call(server)
+        assert failure.value.code == code
+        assert server.living == len(server.objects()) == 1
+
+
+def test_a_method_that_breaks_is_an_error_for_its_caller_only() -> None:
+    """A wrong argument list is ADS_E_INVALIDPARM, an exception in the method ADS_E_EXCEPTION; the object stays usable."""
+
+    class Broken(Calculation):
+        def addition(self, a: int, b: int) -> Answer[int]:
+            return Answer(a // b)
+
+    with ObjectServer() as server:
+        reference = server.create(Broken, ICalculation)
+        with pytest.raises(AdsError) as failure:
+            reference.interface.addition(1, 0)
+        assert failure.value.code == ADS_E_EXCEPTION
+        assert "ZeroDivisionError" in str(failure.value)
+        with pytest.raises(AdsError) as failure:
+            reference.interface.addition(1, c=2)  # type: ignore[call-arg] # the mistake the test is about
+        assert failure.value.code == ADS_E_INVALIDPARM
+        assert reference.interface.addition(7, 2).value == 3
+
+
+def test_an_interface_pointer_holds_its_object_from_ps_to_sp() -> None:
+    """The id is given at creation, the reference taken in PS and released in SP."""
+    with ObjectServer() as server:
+        provider = server.create(Calculation, ICalculation, state=State.OP)
+        module = Caller()
+        caller = server.add(module, parameters={"calculation": provider.object_id})
+        assert server.object_info(provider.object_id).references == 2
+        server.set_state(caller, State.OP)
+        assert server.object_info(provider.object_id).references == 3
+        assert module.calculation.addition(2, 3).value == 5
+        server.set_state(caller, State.PREOP)
+        assert server.object_info(provider.object_id).references == 2
+
+
+def test_a_hook_that_fails_leaves_what_the_last_completed_step_left() -> None:
+    """What the failing hook acquired is given back, what earlier ones did stays, and it can be tried again."""
+    with ObjectServer() as server:
+        provider = server.create(Calculation, ICalculation)
+        fail = [True]
+
+        def connect_and_fail(module: Scripted) -> None:
+            module.connect(provider.object_id, ICalculation)
+            if fail.pop():
+                raise OSError("no such device")
+
+        module = Scripted(PS=lambda module: module.connect(provider.object_id, ICalculation), SO=connect_and_fail)
+        object_id = server.add(module)
+        with pytest.raises(AdsError, match="no such device") as failure:
+            server.set_state(object_id, State.OP)
+        assert failure.value.code == ADS_E_EXCEPTION
+        assert server.object_info(object_id).state is State.SAFEOP
+        assert server.object_info(provider.object_id).references == 3
+        fail.append(False)
+        server.set_state(object_id, State.OP)
+        assert server.object_info(provider.object_id).references == 4
+        server.delete(object_id)
+        assert server.object_info(provider.object_id).references == 2
+        assert module.noted == ["IP", "PS", "SO", "SO", "OS", "SP", "PI"]
+
+
+def test_connecting_in_ip_is_refused() -> None:
+    """Others may not be there yet (manual 8.1.1.2, IP): the object is not created."""
+    with ObjectServer() as server:
+        module = Scripted(IP=lambda module: module.connect(OBJECT_SERVER_ID, IObjectServer))
+        with pytest.raises(AdsError) as failure:
+            server.add(module, object_id=CREATE_NEW_ID)
+        assert failure.value.code == ADS_E_INVALIDSTATE
+        assert server.living == 1
+
+
+def test_every_transition_and_failure_is_reported() -> None:
+    """In order, with the object and the code."""
+    reports: list[Report] = []
+    with ObjectServer(report=reports.append) as server:
+        reports.clear()
+        with pytest.raises(AdsError):
+            server.add(Scripted(SO=lambda _: 1 / 0), name="broken", state=State.OP)
+    told = [(report.kind, report.transition, report.code) for report in reports if report.object_name == "broken"]
+    assert told == [
+        (ReportKind.DONE, "IP", 0),
+        (ReportKind.DONE, "PS", 0),
+        (ReportKind.FAILED, "SO", ADS_E_EXCEPTION),
+        (ReportKind.DONE, "SP", 0),
+        (ReportKind.DONE, "PI", 0),
+    ]
