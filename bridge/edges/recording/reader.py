@@ -193,7 +193,7 @@ def _count(tally: Tally, item: Recorded) -> None:
         case RecordedRejected():
             tally.rejected += 1
         case RecordedState():
-            tally.states += 1
+            tally.state(item.state)
         case _:
             assert_never(item)
 

@@ -4,6 +4,7 @@ Rule 1: writer and reader count with the same Tally, so that a summary from the 
 Rule 2: the counts travel as metadata texts with a CRC of their own: MCAP protects metadata only by the CRC of the whole
 file, and a summary is read without reading the whole file.
 Rule 3: complete says "yes" only when nothing is known to be missing and every tail is known.
+Rule 4: active at the start is what keyframes before the first event say, active at the end what all of the file folds to.
 """
 
 import zlib
@@ -11,11 +12,15 @@ from typing import Final
 
 import msgspec
 
-from bridge.core.events import AnyEvent, Count
-from bridge.edges.recording.layout import Completeness, EventChannel, Gap
+from bridge.core.alarms import Alarm
+from bridge.core.events import AnyEvent, Count, MessageSent
+from bridge.edges.recording.layout import Completeness, EventChannel, Gap, StateFrame
+from bridge.edges.recording.standing import Standing
 
 GAPS_NAMED: Final = 100
 """How many gaps a summary names; the rest is only counted."""
+ALARMS_NAMED: Final = 100
+"""How many active alarms a summary names, the latest; the rest is only counted."""
 
 
 class EventCount(msgspec.Struct, frozen=True, order=True):
@@ -27,6 +32,13 @@ class EventCount(msgspec.Struct, frozen=True, order=True):
     kind: str
     severity: Count
     count: Count
+
+
+class Active(msgspec.Struct, frozen=True):
+    """Alarms that were raised or waited for confirmation; `named` are the latest of them."""
+
+    count: Count = 0
+    named: tuple[Alarm, ...] = ()
 
 
 class Totals(msgspec.Struct, frozen=True, kw_only=True):
@@ -44,6 +56,8 @@ class Totals(msgspec.Struct, frozen=True, kw_only=True):
     named_gaps: tuple[Gap, ...] = ()
     rejected: Count = 0
     states: Count = 0
+    active_at_start: Active = Active()
+    active_at_end: Active = Active()
     unknown_tails: tuple[str, ...] = ()
     first_log_time_ns: Count = 0
     last_log_time_ns: Count = 0
@@ -84,14 +98,16 @@ def _crc(texts: dict[str, str]) -> int:
 class ChannelTally:
     """The counts of one event channel."""
 
-    __slots__ = ("channel", "counts")
+    __slots__ = ("_standing", "channel", "counts")
 
-    def __init__(self, channel: EventChannel) -> None:
-        self.channel = channel
+    def __init__(self, channel: EventChannel, standing: Standing) -> None:
+        self.channel, self._standing = channel, standing
         self.counts: dict[tuple[str, int], int] = {}
 
     def add(self, event: AnyEvent) -> None:
         """Count one event."""
+        if not isinstance(event, MessageSent):
+            self._standing.event(self.channel.realm, event)
         place = (event.kind, event.severity)
         self.counts[place] = self.counts.get(place, 0) + 1
 
@@ -104,11 +120,16 @@ class Tally:
         self._named: list[Gap] = []
         self._first_log = self._last_log = self._first = self._last = 0
         self._messages = 0
+        self._standing = Standing()
+        self._at_start = Active()
         self.gaps = self.gap_events = self.rejected = self.states = 0
 
     def channel(self, channel: EventChannel) -> ChannelTally:
         """The counter of a channel."""
-        return self._channels.setdefault(channel, ChannelTally(channel))
+        found = self._channels.get(channel)
+        if found is None:
+            found = self._channels[channel] = ChannelTally(channel, self._standing)
+        return found
 
     @property
     def events(self) -> int:
@@ -138,6 +159,17 @@ class Tally:
         if len(self._named) < GAPS_NAMED:
             self._named.append(gap)
 
+    def state(self, state: StateFrame) -> None:
+        """Count a keyframe."""
+        self.states += 1
+        self._standing.state(state)
+        if not self.events:
+            self._at_start = self._active()
+
+    def _active(self) -> Active:
+        alarms = self._standing.active()
+        return Active(len(alarms), tuple(alarms[-ALARMS_NAMED:]))
+
     def totals(self, unknown_tails: tuple[str, ...] = (), next_file: str = "") -> Totals:
         """The counts so far."""
         rows: dict[tuple[str, str, str, str, int], int] = {}
@@ -153,6 +185,8 @@ class Tally:
             named_gaps=tuple(self._named),
             rejected=self.rejected,
             states=self.states,
+            active_at_start=self._at_start,
+            active_at_end=self._active(),
             unknown_tails=unknown_tails,
             first_log_time_ns=self._first_log,
             last_log_time_ns=self._last_log,
@@ -176,6 +210,8 @@ def joined(first: Totals, second: Totals) -> Totals:
         named_gaps=(*first.named_gaps, *second.named_gaps)[:GAPS_NAMED],
         rejected=first.rejected + second.rejected,
         states=first.states + second.states,
+        active_at_start=first.active_at_start if first.first_log_time_ns else second.active_at_start,
+        active_at_end=second.active_at_end,
         unknown_tails=tuple(dict.fromkeys((*first.unknown_tails, *second.unknown_tails))),
         first_log_time_ns=_earliest(first.first_log_time_ns, second.first_log_time_ns),
         last_log_time_ns=max(first.last_log_time_ns, second.last_log_time_ns),

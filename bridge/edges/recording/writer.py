@@ -226,7 +226,7 @@ class RecordingWriter:
                 parts=parts,
             )
             log_time = self._add_own(STATE_TOPIC, body, arrival_ns, part)
-        self._tally.states += 1
+        self._tally.state(state)
         if self._viewer is not None:
             self._viewer.state(alarms)
         return log_time

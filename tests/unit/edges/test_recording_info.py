@@ -13,12 +13,26 @@ from bridge.edges.recording import (
     EventCount,
     RecordingError,
     RecordingWriter,
+    StateFrame,
     Totals,
     read_events,
     scan,
     summary,
 )
-from tests.unit.edges.recording_stories import ABOUT, AXIS, GAP, PUMP, START, message, raised, record, write_story
+from tests.unit.edges.recording_stories import (
+    ABOUT,
+    ALARM,
+    AXIS,
+    GAP,
+    PUMP,
+    START,
+    STATE,
+    cleared,
+    message,
+    raised,
+    record,
+    write_story,
+)
 
 
 def test_the_summary_says_what_a_scan_finds(tmp_path: Path) -> None:
@@ -160,3 +174,18 @@ def test_counts_survive_being_texts() -> None:
     assert Totals.of(texts) == totals
     assert Totals.of(texts | {"events": "4"}) is None
     assert Totals.of({}) is None
+
+
+def test_alarms_active_at_start_and_end_are_told(tmp_path: Path) -> None:
+    """At the start those of the keyframes before the first event; at the end what all of it folds to, however many."""
+    path = tmp_path / "a.mcap"
+    with RecordingWriter(path) as writer:
+        writer.add_state(STATE, START)
+        for number in range(20, 320, 2):
+            record(writer, raised(number), START + number)
+        writer.add_state(StateFrame(realm="live", target="plc2", session="s2", seq=0), START + 900)
+        record(writer, cleared(20), START + 1000)
+    for info in (summary(path), scan(path)):
+        assert (info.totals.active_at_start.count, info.totals.active_at_start.named) == (1, (ALARM,))
+        assert info.totals.active_at_end.count == 150
+        assert [alarm.event_id for alarm in info.totals.active_at_end.named] == list(range(120, 320, 2))

@@ -107,7 +107,7 @@ def test_keyframes_made_of_it_give_the_same_again() -> None:
     standing, again = Standing(), Standing()
     standing.state(frame(12, alarm(11), alarm(12)))
     standing.event("live", cleared(12))
-    standing.event("live", replace(raised(8), target="plc2"))
+    standing.event("live", replace(raised(8), target="plc2", session="s2"))
     for each in standing.frames():
         again.state(each)
     assert ids(again) == ids(standing) == [8, 11]
