@@ -26,6 +26,7 @@ from bridge.core.events import (
     ConfirmationState,
     Count,
     Event,
+    Origin,
     Severity,
     Source,
     Time,
@@ -48,7 +49,7 @@ class Alarm(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """The state of one alarm. Its attributes are spelled as an event's, so that one filter serves both.
 
     time_ns is the time of the last transition; session and seq are those of the last event folded in ("" and 0: none yet).
-    suspect: its logger was killed since, and its source has not spoken again.
+    suspect: its logger was killed since, and its source has not spoken again. origin: it is replayed, and from where.
     """
 
     target: str
@@ -75,6 +76,7 @@ class Alarm(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     client: str = ""
     comment: str = ""
     suspect: bool = False
+    origin: Origin | None = None
 
     kind: ClassVar[str] = "alarm_state"
     is_alarm: ClassVar[bool] = True
@@ -331,6 +333,7 @@ def step(alarm: Alarm | None, event: AlarmEvent) -> Alarm | None:
         operator=event.operator,
         client=event.client,
         comment=event.comment,
+        origin=event.origin,
         suspect=alarm is not None and alarm.suspect and isinstance(event, AlarmConfirmed),
     )
 
@@ -366,6 +369,34 @@ class AlarmTable:
         if session:
             self._replaced = (self._replaced | former) - {session, ""}
             self._base[session] = (target, seq)
+
+    def refresh(self, alarms: Iterable[Alarm], session: str, seq: int, target: str) -> None:
+        """Take over a recorded snapshot, which may stand anywhere among the events of its session.
+
+        What later events of the session said stays, what else differs is corrected: so a gap ends at the next snapshot. A
+        session not heard of yet replaces what is known, one that was replaced says nothing any more.
+        """
+        if session in self._replaced:
+            return
+        if session not in self._base and not any(session in seen for key, seen in self._seen.items() if key.target == target):
+            self.load(alarms, session, seq, target)
+            return
+        told = {alarm.key: alarm for alarm in alarms}
+        former = {alarm.session for alarm in told.values()}
+        for key in {key for key in (*self._seen, *self.alarms) if key.target == target} | told.keys():
+            seen = self._seen.setdefault(key, {})
+            former.update(seen)
+            alarm, last = told.get(key), seen.get(session, 0)
+            if last > seq and (alarm is None or alarm.session != session or alarm.seq < last):
+                continue
+            if alarm is None:
+                self.alarms.pop(key, None)
+                continue
+            self.alarms[key] = alarm
+            if alarm.session == session or not seen:
+                seen[alarm.session] = max(last, alarm.seq)
+        self._replaced = (self._replaced | former) - {session, ""}
+        self._base[session] = (target, max(seq, self.base(session)))
 
     def apply(self, event: AlarmEvent) -> bool:
         """Fold one event in; False when it was seen before or is stale."""

@@ -5,18 +5,32 @@ the publisher first and only then folded in by sent(): so a command that cannot 
 Rule 2: a command is carried out once per id. The last ANSWERS_KEPT answers are kept; an older id is judged by the alarm's
 state alone. The id of one command used for another is refused.
 Rule 3: alarm transitions come from this logger only. arrived() takes messages of others and refuses their transitions;
-replay() takes all that was recorded; follow() takes what a listener has folded in.
+replay() takes all that was recorded; follow() takes what a listener has folded in. An alarm that was replayed (it has an
+origin) stays as it was recorded: commands to it are refused.
 Rule 4: a unique id belongs to a message or to an alarm life and is given when it is stored. A life begins with its raise, so
 a second raise begins another one.
 Rule 5: no clock here. "Now" comes in with each call.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Final, TypeAlias
 
 import msgspec
 
-from bridge.core.alarms import Alarm, AlarmKey, AlarmTable, Clear, Create, Dispose, Raise, alarm_key, created, decide
+from bridge.core.alarms import (
+    Alarm,
+    AlarmCommand,
+    AlarmKey,
+    AlarmTable,
+    Clear,
+    Create,
+    Dispose,
+    Raise,
+    alarm_key,
+    created,
+    decide,
+)
 from bridge.core.arguments import guid
 from bridge.core.events import (
     DEFAULT_LIMITS,
@@ -30,6 +44,7 @@ from bridge.core.events import (
     check_limits,
 )
 from bridge.core.hresult import (
+    ADS_E_INVALIDACCESS,
     ADS_E_INVALIDDATA,
     ADS_E_INVALIDPARM,
     ADS_E_INVALIDSIZE,
@@ -141,6 +156,8 @@ class Logbook:
             return self._answer(question, fault.code, None, fault.detail)
         if not command.time_ns:
             command = msgspec.structs.replace(command, time_ns=now_ns)
+        if (replayed := self._replayed(command)) is not None:
+            return self.refuse(question, ADS_E_INVALIDACCESS, replayed)
         if isinstance(command, Create | Raise | Clear):
             self.table.trust(command.key)
         alarm = self.table.alarms.get(command.key)
@@ -159,6 +176,13 @@ class Logbook:
         except AdsError as error:
             return self.refuse(question, error.code, error.detail)
         return Plan(question, events)
+
+    def _replayed(self, command: AlarmCommand) -> str | None:
+        """Why a command cannot be: the alarm is a replayed one, which stays as it was recorded."""
+        alarm = self.table.alarms.get(command.key)
+        if alarm is None or alarm.origin is None or isinstance(command, Create):
+            return None
+        return f"the alarm is replayed: session {alarm.origin.session} of realm {alarm.origin.realm}, event {alarm.origin.seq}"
 
     def refuse(self, question: CommandQuestion, code: int, detail: str) -> CommandAnswer:
         """Answer no, and remember that: the same id gets the same answer."""
@@ -181,9 +205,9 @@ class Logbook:
     def stop(self, now_ns: int) -> tuple[AlarmEvent, ...]:
         """The events of a clean stop: raised alarms are disposed of; what waits for confirmation stays (decision 0006).
 
-        Each goes through replay() once it is numbered.
+        Replayed ones stay as they were recorded. Each goes through replay() once it is numbered.
         """
-        raised = [alarm for alarm in self.table.active() if alarm.raised]
+        raised = [alarm for alarm in self.table.active() if alarm.raised and alarm.origin is None]
         return tuple(event for alarm in raised for event in decide(alarm, Dispose(key=alarm.key, time_ns=now_ns)))
 
     def _answer(
@@ -239,16 +263,22 @@ class Logbook:
         return Changes(stored, (Kept(unique_id, alarm),))
 
     def load_state(self, target: str, session: str, seq: int, alarms: Iterable[Alarm]) -> Changes:
-        """Take over the state of a target after `seq` events of `session`, in place of what is known of it."""
-        self.table.load(alarms, session, seq, target)
-        return self._rewritten()
+        """Take over a recorded state of a target after `seq` events of `session`; what it corrects is written anew."""
+        before = dict(self.table.alarms)
+        self.table.refresh(alarms, session, seq, target)
+        for key, alarm in before.items():
+            now = self.table.alarms.get(key)
+            if now is not None and now.time_raised_ns != alarm.time_raised_ns:  # its raise was missed: another life
+                self._lives.pop(key, None)
+        return self._rewritten(before)
 
     def adopt(self, table: AlarmTable) -> Changes:
         """Use a table that somebody else keeps from now on; all of it is written anew."""
         self.table = table
         return self._rewritten()
 
-    def _rewritten(self) -> Changes:
+    def _rewritten(self, before: Mapping[AlarmKey, Alarm] = MappingProxyType({})) -> Changes:
+        """The table as changes of what was there before."""
         alarms = dict(self.table.alarms)
         gone = tuple(key for key in self._lives if key not in alarms)
         for key in gone:
@@ -256,7 +286,8 @@ class Logbook:
         for key, alarm in alarms.items():
             if not self._lives.setdefault(key, 0) and alarm.was_raised:
                 self._lives[key] = self._new_id()
-        return Changes((), tuple(Kept(self._lives[key], alarm) for key, alarm in alarms.items()), gone)
+        changed = tuple(Kept(self._lives[key], alarm) for key, alarm in alarms.items() if before.get(key) != alarm)
+        return Changes((), changed, gone)
 
     @staticmethod
     def _stored(event: AnyEvent, arrival_ns: int, unique_id: int) -> Stored:
