@@ -6,30 +6,25 @@ Rule 2: a class is read whole or not at all. Each fault is a Problem with file a
 Rule 3: a class without a GUID gets the one of its content (bridge/core/definitions.py). `guid` is taken as it is.
         `published` is the content's GUID when the class was last given away: if the content is another by now, the class is
         the edited one, which hides the published one.
-Rule 4: a file comes from outside: MAX_BYTES at most, keys of MAX_PARTS parts at most. Python's TOML reader takes about a
-        second per megabyte, and a time that grows with the square of a key's parts; larger classes belong in a .tmc file.
+Rule 4: a file comes from outside, so toml_text has limits for it; larger classes belong in a .tmc file.
 """
 
-import difflib
 import re
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Annotated, Final, TypeAlias
 
 import msgspec
 
+from bridge.core import toml_text
 from bridge.core.catalog import CauseRemedy, Detail, EventClass, EventEntry, exact_language, exact_tag
 from bridge.core.definitions import content_guid, define_class, published_as
 from bridge.core.events import Severity
 from bridge.core.tmc import Problem, ReadResult, TmcError
 
-MAX_BYTES: Final = 1_000_000
-MAX_PARTS: Final = 16
 _PERSISTENT: Final = {"PersistentType": "true"}
 _SEVERITIES: Final = {severity.name.lower(): severity for severity in Severity}
 _Id: TypeAlias = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 _Texts: TypeAlias = dict[str, str]
-_Path: TypeAlias = tuple[str | int, ...]
 
 
 class _Cause(msgspec.Struct, forbid_unknown_fields=True):
@@ -84,11 +79,13 @@ _KEYS: Final = {path: tuple(field.name for field in msgspec.structs.fields(table
 def read_classes(data: bytes, name: str = "") -> ReadResult:
     """Read the event classes of a TOML file's content; `name` is what problems call the file.
 
-    TmcError when it is no TOML, has no list of classes, or is larger than MAX_BYTES.
+    TmcError when it is no TOML, has no list of classes, or is larger than toml_text.MAX_BYTES.
     """
-    parsed, text = _parsed(data, name)
+    try:
+        parsed, lines = toml_text.read(data, name, "a TOML file of event classes, larger ones belong in a .tmc file")
+    except toml_text.TomlError as error:
+        raise TmcError(error.file, error.line, error.message) from None
     raw = parsed.get("classes")
-    lines = _Lines(text)
     for key in parsed:
         if key != "classes":
             raise TmcError(name, lines.of((key,)), f"unknown key {key!r}; expected [[classes]]")
@@ -107,7 +104,7 @@ def read_classes(data: bytes, name: str = "") -> ReadResult:
             except _Fault as fault:
                 faults = [(("classes", index, *fault.path), fault.message)]
             except msgspec.ValidationError as error:
-                faults = [_converted(error, index)]
+                faults = [toml_text.mistyped(error, ("classes", index))]
             except ValueError as error:
                 faults = [(("classes", index), str(error))]
             else:
@@ -131,40 +128,12 @@ def write_classes(classes: Iterable[EventClass]) -> bytes:
 class _Fault(Exception):
     """A fault that is found behind the types: where in the class, and what."""
 
-    def __init__(self, path: _Path, message: str) -> None:
+    def __init__(self, path: toml_text.Path, message: str) -> None:
         self.path, self.message = path, message
         super().__init__(message)
 
 
-_PART: Final = r"""(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""
-_LONG_KEY: Final = re.compile(rf"(?:^|[\[{{,])[ \t]*(?:{_PART}[ \t]*+\.[ \t]*+){{{MAX_PARTS}}}", re.MULTILINE)
-
-
-def _parsed(data: bytes, name: str) -> tuple[dict[str, object], str]:
-    if len(data) > MAX_BYTES:
-        raise TmcError(name, 1, f"{len(data)} bytes; expected at most {MAX_BYTES}, larger classes belong in a .tmc file")
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise TmcError(name, line, "bytes that are no UTF-8; expected a TOML file") from None
-    long = _LONG_KEY.search(text)
-    if long is not None:
-        line = text.count("\n", 0, long.start()) + 1
-        raise TmcError(name, line, f"a key of more than {MAX_PARTS} parts; expected a TOML file of event classes")
-    try:
-        return tomllib.loads(text), text
-    except RecursionError:
-        raise TmcError(name, 1, "nested too deep; expected a TOML file of event classes") from None
-    except ValueError as error:
-        found = re.fullmatch(r"(.*) \(at (?:line (\d+), column (\d+)|end of document)\)", str(error), re.DOTALL)
-        reason = found[1] if found else str(error)
-        line = int(found[2]) if found and found[2] else text.count("\n") + 1 if found else 1
-        column = f" in column {found[3]}" if found and found[3] else ""
-        raise TmcError(name, line, f"{reason}{column}; expected a TOML file") from None
-
-
-def _faults(table: object, path: _Path) -> Iterator[tuple[_Path, str]]:
+def _faults(table: object, path: toml_text.Path) -> Iterator[tuple[toml_text.Path, str]]:
     """Unknown keys, everywhere below the class."""
     names = tuple(step for step in path[2:] if isinstance(step, str))
     keys = _KEYS.get(names)
@@ -172,27 +141,10 @@ def _faults(table: object, path: _Path) -> Iterator[tuple[_Path, str]]:
         return
     for key, value in table.items():
         if key not in keys:
-            near = difflib.get_close_matches(key, keys, n=1)
-            hint = f", did you mean {near[0]!r}?" if near else f"; expected one of {', '.join(keys)}"
-            yield (*path, key), f"unknown key {key!r}{hint}"
+            yield (*path, key), toml_text.unknown_key(key, keys)
         elif isinstance(value, list):
             for index, each in enumerate(value):
                 yield from _faults(each, (*path, key, index))
-
-
-_STEP: Final = re.compile(r"\.([^.\[\]]+)|\[([0-9]+)\]|\[\.\.\.\]")
-
-
-def _converted(error: msgspec.ValidationError, index: int) -> tuple[_Path, str]:
-    message, _, place = str(error).partition(" - at `$")
-    path: _Path = ("classes", index)
-    for step in _STEP.finditer(place.rstrip("`")):
-        if step[1] is None and step[2] is None:
-            break
-        path = (*path, step[1] if step[1] is not None else int(step[2]))
-    message = message.replace("Object missing required field", "no").replace("`", "'")
-    key = next((step for step in reversed(path) if isinstance(step, str)), "")
-    return path, f"{key}: {message}" if len(path) > 2 else message
 
 
 def _event_class(form: _Class) -> EventClass:
@@ -202,7 +154,7 @@ def _event_class(form: _Class) -> EventClass:
         _translate(texts, text, table, ("texts", text))
     entries: dict[int, EventEntry] = {}
     for index, event in enumerate(form.events):
-        path: _Path = ("events", index)
+        path: toml_text.Path = ("events", index)
         if event.id in entries:
             both = f"{entries[event.id].name} and {event.name}"
             raise _Fault(path, f"event class {form.name}: id {event.id} is used twice, by {both}; expected different ids")
@@ -243,7 +195,7 @@ def _event_class(form: _Class) -> EventClass:
     return found if form.published is None else published_as(form.published, found)
 
 
-def _translate(texts: dict[str, dict[int, str]], text: str, table: Mapping[str, str], path: _Path) -> None:
+def _translate(texts: dict[str, dict[int, str]], text: str, table: Mapping[str, str], path: toml_text.Path) -> None:
     if not table and path == ("translations",):
         return
     known = texts.setdefault(text, {})
@@ -254,45 +206,6 @@ def _translate(texts: dict[str, dict[int, str]], text: str, table: Mapping[str, 
             raise _Fault((*path, language), str(error)) from None
         if known.setdefault(lcid, translated) != translated:
             raise _Fault((*path, language), f"{text[:40]!r} has two translations into {language}; expected one")
-
-
-class _Lines:
-    """Where the tables and keys of the text stand, as far as lines tell: what is written inline stands where its table does."""
-
-    _HEADER: Final = re.compile(r"\s*(\[\[?)([^\[\]]*)\]")
-    _KEY: Final = re.compile(r"\s*(?:\"([^\"]*)\"|'([^']*)'|([A-Za-z0-9_-]+))\s*[=.]")
-    _PART: Final = re.compile(r"\"([^\"]*)\"|'([^']*)'|([A-Za-z0-9_-]+)")
-
-    def __init__(self, text: str) -> None:
-        self._places: dict[_Path, int] = {}
-        counts: dict[_Path, int] = {}
-        table: _Path = ()
-        inside = ""
-        for number, line in enumerate(text.split("\n"), 1):
-            began = inside
-            for quotes in re.findall("\"\"\"|'''", line):
-                inside = "" if inside == quotes else inside or quotes
-            if began:
-                continue
-            if (header := self._HEADER.match(line)) is not None:
-                names = [next(filter(None, part), "") for part in self._PART.findall(header[2])]
-                table = ()
-                for position, name in enumerate(names, 1):
-                    table = (*table, name)
-                    if position == len(names) and header[1] == "[[":
-                        self._places.setdefault(table, number)
-                        counts[table] = counts.get(table, -1) + 1
-                    if table in counts:
-                        table = (*table, counts[table])
-                self._places.setdefault(table, number)
-            elif (key := self._KEY.match(line)) is not None:
-                self._places.setdefault((*table, next(filter(None, key.groups()), "")), number)
-
-    def of(self, path: _Path) -> int:
-        """The line of the path or of the nearest table around it."""
-        while path and path not in self._places:
-            path = path[:-1]
-        return self._places.get(path, 1)
 
 
 # WRITING ----------------------------------------------------------------------------------------------------------------------

@@ -4,10 +4,11 @@ import msgspec
 import pytest
 
 from bridge.core.catalog import Catalog, CauseRemedy, Detail, EventClass, EventEntry
-from bridge.core.class_toml import MAX_BYTES, read_classes, write_classes
+from bridge.core.class_toml import read_classes, write_classes
 from bridge.core.definitions import content_guid, define_class, edited
 from bridge.core.events import Severity
 from bridge.core.tmc import Problem, TmcError
+from bridge.core.toml_text import MAX_BYTES
 
 PUMP = "11111111-0000-0000-0000-00000000abcd"
 OLD = "33333333-0000-0000-0000-000000000003"
