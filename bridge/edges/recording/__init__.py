@@ -1,5 +1,7 @@
 """Recordings: MCAP files of events, gaps, rejected payloads and keyframes. The only package that imports mcap."""
 
+from bridge.edges.recording.carried import Carried, carried
+from bridge.edges.recording.convert import Converted, convert
 from bridge.edges.recording.frames import Damage
 from bridge.edges.recording.info import ChannelInfo, RecordingInfo, scan, summary
 from bridge.edges.recording.layout import (
@@ -36,9 +38,11 @@ __all__ = [
     "EVERYTHING",
     "About",
     "Attachment",
+    "Carried",
     "ChannelInfo",
     "Completeness",
     "Compression",
+    "Converted",
     "Damage",
     "EventChannel",
     "EventCount",
@@ -59,6 +63,8 @@ __all__ = [
     "StateFrame",
     "Totals",
     "Viewer",
+    "carried",
+    "convert",
     "leftovers",
     "read_events",
     "read_series",

@@ -124,6 +124,8 @@ class Viewer:
     def __init__(self, known: Classes, language: Language = ENGLISH, own: Catalog | None = None) -> None:
         """known says which classes there are, own those that need not be attached. LanguageError for an unknown language."""
         self.known, self._language = known, language_id(language)
+        self.metadata: Final = {"language": language_tag(self._language)}
+        """The metadata of the channels for viewers."""
         self._own = Catalog() if own is None else own
         self._open: dict[AlarmKey, AlarmEvent | Alarm] = {}
         self._told: dict[AlarmKey, int] = {}
@@ -135,11 +137,6 @@ class Viewer:
                 self._open[alarm.key] = alarm
             elif alarm.time_raised_ns:
                 self._told[alarm.key] = alarm.time_raised_ns
-
-    @property
-    def metadata(self) -> dict[str, str]:
-        """The metadata of the channels for viewers: the language of their texts."""
-        return {"language": language_tag(self._language)}
 
     def definition(self, found: EventClass) -> Attachment | None:
         """The class as an attachment; None when it need not be attached, or cannot be written."""

@@ -15,10 +15,10 @@ import contextlib
 import errno
 import os
 import struct
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from operator import index
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import BinaryIO, Final, Self
 
 import msgspec
@@ -73,6 +73,7 @@ COMPRESSIONS: Final[dict[Compression, CompressionType]] = {
     "zstd": CompressionType.ZSTD,
     "lz4": CompressionType.LZ4,
     "none": CompressionType.NONE,
+_NONE: Final[Mapping[str, str]] = MappingProxyType({})
 }
 CHUNK_SIZES: Final = range(1 << 10, (16 << 20) + 1)
 
@@ -187,7 +188,7 @@ class RecordingWriter:
         self._tally.event_time(time_ns)
         if self._viewer is not None:
             for said in self._viewer.event(event, log_time):
-                self.add_for_viewers(*said)
+                self.add_for_viewers(*said, self._viewer.metadata)
             if event.event_class in self._unexplained:
                 self._explain(event)
         return log_time
@@ -195,11 +196,15 @@ class RecordingWriter:
     def add_rejected(self, key: str, encoding: str, payload: bytes, reason: str, arrival_ns: int) -> int:
         """Record a payload that could not be decoded, with the key it came on; returns its log time."""
         kept = bytes(payload[:MAX_REJECTED_BYTES])
+        return self.copy_rejected(body, arrival_ns)
+
+    def copy_rejected(self, body: RejectedPayload, arrival_ns: int) -> int:
+        """Record what another recording has of a payload that could not be decoded; returns its log time."""
         body = RejectedPayload(key=plain(key), encoding=plain(encoding), payload=kept, size=len(payload), reason=plain(reason))
         log_time = self._add_own(REJECTED_TOPIC, body, arrival_ns, self._tally.rejected + 1)
         self._tally.rejected += 1
         if self._viewer is not None:
-            self.add_for_viewers(*self._viewer.rejected(body, log_time))
+            self.add_for_viewers(*self._viewer.rejected(body, log_time), self._viewer.metadata)
         return log_time
 
     def add_gap(self, gap: Gap, arrival_ns: int) -> int:
@@ -207,7 +212,7 @@ class RecordingWriter:
         log_time = self._add_own(GAPS_TOPIC, gap, arrival_ns, self._tally.gaps + 1)
         self._tally.gap(gap)
         if self._viewer is not None:
-            self.add_for_viewers(*self._viewer.gap(gap, log_time))
+            self.add_for_viewers(*self._viewer.gap(gap, log_time), self._viewer.metadata)
         return log_time
 
     def add_state(self, state: StateFrame, arrival_ns: int) -> int:
@@ -231,9 +236,17 @@ class RecordingWriter:
             self._viewer.state(alarms)
         return log_time
 
-    def add_for_viewers(self, topic: str, data: bytes) -> None:
-        """Put a message for viewers (viewer.py) behind what was written last, at its log time. It is not counted."""
-        self._put(self._own_channel(topic), self._last_log_ns, data, self._last_log_ns, 0)
+    def add_for_viewers(self, topic: str, data: bytes, metadata: Mapping[str, str] = _NONE) -> None:
+        """Put a message for viewers (viewer.py) behind what was written last, at its log time. It is not counted.
+
+        metadata is that of the channel, and counts when the channel is new.
+        """
+        self._put(self._own_channel(topic, metadata), self._last_log_ns, data, self._last_log_ns, 0)
+
+    def add_metadata(self, name: str, texts: Mapping[str, str]) -> None:
+        """Carry a table of texts. It is on disk after the next flush()."""
+        with self._writing():
+            self._mcap.add_metadata(plain(name), {plain(key): plain(text) for key, text in texts.items()})
 
     def _explain(self, event: AnyEvent) -> None:
         """Attach the definition of the event's class, once it is known and if nobody else has it."""
@@ -321,12 +334,11 @@ class RecordingWriter:
         self._put(self._own_channel(topic), log_time, data, log_time, number & 0xFFFFFFFF)
         return log_time
 
-    def _own_channel(self, topic: str) -> int:
+    def _own_channel(self, topic: str, metadata: Mapping[str, str] = _NONE) -> int:
         if topic not in self._own_channels:
             with self._writing():
                 schema = self._schema(_OWN_SCHEMAS[topic]) if topic in _OWN_SCHEMAS else 0
-                metadata = self._viewer.metadata if self._viewer is not None and topic in VIEWER_TOPICS else {}
-                self._own_channels[topic] = self._mcap.register_channel(topic, "json", schema, metadata)
+                self._own_channels[topic] = self._mcap.register_channel(topic, "json", schema, dict(metadata))
         return self._own_channels[topic]
 
     def _put(self, channel_id: int, log_time: int, data: bytes, publish_time: int, sequence: int) -> None:
