@@ -37,6 +37,7 @@ from bridge.notices import (
     Notice,
     Rejected,
     Snapshot,
+    SuspectsChanged,
     TailUnknown,
     TwoLoggers,
     TwoLoggersError,
@@ -58,6 +59,7 @@ __all__ = [
     "Notice",
     "Rejected",
     "Snapshot",
+    "SuspectsChanged",
     "TailUnknown",
     "TwoLoggers",
     "TwoLoggersError",
@@ -100,6 +102,7 @@ class Listener(Handover):
         self._work = threading.RLock()
         self._table = AlarmTable() if with_state else None
         self._loggers: dict[str, str] = {}
+        self._marks: dict[str, tuple[str, int]] = {}
         self._doubles: set[TwoLoggers] = set()
         self._gone: dict[str, str] = {}
         self._replacing = threading.Lock()
@@ -249,13 +252,13 @@ class Listener(Handover):
         self._table.apply(event)
         return True
 
-    def _resync(self, target: str | None, out: list[Item] | None = None) -> None:
-        """Ask for the state; with target None of every logger there is. No answer leaves what is known.
+    def _resync(self, target: str | None, out: list[Item] | None = None) -> bool:
+        """Ask for the state; with target None of every logger there is. No answer leaves what is known, and is False.
 
         Two answers for a target leave it too: TwoLoggers goes to `out`, once for the same two; without it TwoLoggersError.
         """
         if self._table is None:
-            return
+            return False
         states = ask_state(self.bus, self.realm, target)
         self.counters.rejected_payloads += states.undecodable
         for both in states.doubles:
@@ -269,6 +272,7 @@ class Listener(Handover):
             self._loggers[state.target] = state.session
             if self._keep_bytes and out is not None:
                 out.append(state)
+        return bool(states.whole)
 
     def _state_is_unsure(self, target: str, missing: Missing, out: list[Item]) -> None:
         if self._table is not None and "/alarm/" in missing.key:
@@ -277,8 +281,18 @@ class Listener(Handover):
             self._resync(target, out)
 
     def _take_beat(self, beat: Beat, out: list[Item]) -> None:
-        if self._table is not None and beat.role == "logger" and self._loggers.get(beat.target) != beat.session:
+        if self._table is None or beat.role != "logger":
+            return
+        if self._loggers.get(beat.target) != beat.session:
             self._resync(beat.target, out)
+        marks = beat.session, beat.marks
+        if self._marks.get(beat.target, (beat.session, 0)) != marks:
+            before = self._table.suspects(beat.target)
+            if not self._resync(beat.target, out):
+                return
+            if (suspects := self._table.suspects(beat.target)) != before:
+                out.append(SuspectsChanged(beat.target, beat.session, suspects))
+        self._marks[beat.target] = marks
 
     @property
     def alarms(self) -> list[Alarm]:

@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import msgspec
 
-from bridge.core.alarms import Alarm
+from bridge.core.alarms import Alarm, AlarmKey
 from bridge.core.events import (
     AnyEvent,
 )
@@ -70,6 +70,14 @@ class LoggerBack(msgspec.Struct, frozen=True):
     session: str
 
 
+class SuspectsChanged(msgspec.Struct, frozen=True):
+    """A logger has marked alarms suspect, or taken marks off, without an event: these of the target are suspect now."""
+
+    target: str
+    session: str
+    suspects: tuple[AlarmKey, ...]
+
+
 class Heard(msgspec.Struct, frozen=True, gc=False):
     """An event with the bytes it came in and when it came (Unix ns): what a recorder wants."""
 
@@ -89,7 +97,7 @@ class Snapshot(msgspec.Struct, frozen=True):
 
 
 Loss: TypeAlias = Dropped | Gap | Rejected | TailUnknown | TwoLoggers
-News: TypeAlias = BusLost | BusBack | LoggerGone | LoggerBack
+News: TypeAlias = BusLost | BusBack | LoggerGone | LoggerBack | SuspectsChanged
 Notice: TypeAlias = Loss | News
 Item: TypeAlias = AnyEvent | Heard | Snapshot | Notice
 

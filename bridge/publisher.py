@@ -167,6 +167,7 @@ class Publisher:
         self._put_seq = 0
         self._waiting = 0
         self._refused = 0
+        self._marks = 0
         self._changed: deque[_Key] = deque()
         self._messages: deque[_Entry] = deque()
         self._lock = threading.Lock()
@@ -366,6 +367,7 @@ class Publisher:
             keys=numbers,
             final=final,
             unsent=self.counters.unsent,
+            marks=self._marks,
         )
 
     def _beat(self, *, final: bool) -> None:
@@ -405,6 +407,12 @@ class Publisher:
         self._alive = self.bus.alive(keys.verb_key(self.realm, self.target, "@alive", role, self.session))
         before.close()
         self._beat_soon()
+
+    def tell_marks(self, marks: int) -> None:
+        """Say with a beat now, and with all that follow, how often marks of alarms have changed."""
+        if marks != self._marks:
+            self._marks = marks
+            self._beat_soon()
 
     def flush(self, timeout_s: float = 10.0) -> bool:
         """Wait until everything sent so far was handed to the bus; False when time was up."""

@@ -193,7 +193,7 @@ class View(NamedTuple):
         rows: list[list[Cell]] = [
             [
                 severity_span(alarm.severity),
-                "raised" if alarm.raised else "cleared" if alarm.was_raised else "created",
+                _state(alarm),
                 CONFIRMATION_WORDS[alarm.confirmation_state],
                 known.class_name(alarm.event_class, self.lang),
                 str(alarm.event_id),
@@ -236,6 +236,11 @@ class View(NamedTuple):
         )
 
 
+def _state(alarm: Alarm) -> str:
+    state = "raised" if alarm.raised else "cleared" if alarm.was_raised else "created"
+    return f"{state}, suspect" if alarm.suspect else state
+
+
 def _duration(event: AnyEvent) -> str:
     lasted_ns = duration_ns(event)
     return "" if lasted_ns is None else f"{lasted_ns / 1e9:.3f} s"
@@ -260,7 +265,7 @@ def notice(item: "Item") -> tuple[str, dict[str, object]]:
     """What a listener says about what is missing or wrong: for people and for programs."""
     from bridge.inbox import Dropped
     from bridge.listener import Gap, Heard, Rejected, Snapshot, TailUnknown, TwoLoggers
-    from bridge.notices import BusBack, BusLost, LoggerBack, LoggerGone
+    from bridge.notices import BusBack, BusLost, LoggerBack, LoggerGone, SuspectsChanged
 
     match item:
         case Gap(missing, reason):
@@ -289,6 +294,10 @@ def notice(item: "Item") -> tuple[str, dict[str, object]]:
         case LoggerBack(target, session):
             facts = {"notice": "logger_back", "target": target, "session": session}
             return f"logger back: session {session} of {target}", facts
+        case SuspectsChanged(target, session, suspects):
+            facts = {"notice": "suspects_changed", "target": target, "session": session}
+            text = f"suspect alarms of {target} now: {len(suspects)}"
+            return text, facts | {"suspects": [msgspec.to_builtins(key) for key in suspects]}
         case Event() | Heard() | Snapshot():
             raise TypeError("an event is no notice")
         case _:

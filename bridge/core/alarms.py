@@ -49,7 +49,8 @@ class Alarm(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """The state of one alarm. Its attributes are spelled as an event's, so that one filter serves both.
 
     time_ns is the time of the last transition; session and seq are those of the last event folded in ("" and 0: none yet).
-    suspect: its logger was killed since, and its source has not spoken again. origin: it is replayed, and from where.
+    suspect: its logger or its source is gone without a last word since, and its source has not spoken again. origin: it is
+    replayed, and from where.
     """
 
     target: str
@@ -425,19 +426,21 @@ class AlarmTable:
 
     def suspect(self, target: str | None = None) -> bool:
         """Mark the raised alarms of a target (None: of every target) suspect; whether any was not yet."""
-        marked = {
-            key: msgspec.structs.replace(alarm, suspect=True)
-            for key, alarm in self.alarms.items()
-            if target in (None, key.target) and alarm.raised and not alarm.suspect
-        }
-        self.alarms.update(marked)
-        return bool(marked)
+        return bool(self.mark([key for key in self.alarms if target in (None, key.target)], suspect=True))
 
-    def trust(self, key: AlarmKey) -> None:
-        """Its source has spoken: not suspect any more."""
-        alarm = self.alarms.get(key)
-        if alarm is not None and alarm.suspect:
-            self.alarms[key] = msgspec.structs.replace(alarm, suspect=False)
+    def mark(self, alarms: Iterable[AlarmKey], *, suspect: bool) -> list[Alarm]:
+        """Mark those that are raised suspect, or take the mark off any; returns those that it changed, as they are now."""
+        changed = [
+            msgspec.structs.replace(alarm, suspect=suspect)
+            for key in alarms
+            if (alarm := self.alarms.get(key)) is not None and alarm.suspect != suspect and (alarm.raised or not suspect)
+        ]
+        self.alarms.update((alarm.key, alarm) for alarm in changed)
+        return changed
+
+    def suspects(self, target: str) -> tuple[AlarmKey, ...]:
+        """Which alarms of a target are marked."""
+        return tuple(sorted(key for key, alarm in self.alarms.items() if alarm.suspect and key.target == target))
 
     def active(self) -> list[Alarm]:
         """Alarms that are raised or wait for confirmation, latest transition last."""

@@ -10,6 +10,8 @@ origin) stays as it was recorded: commands to it are refused.
 Rule 4: a unique id belongs to a message or to an alarm life and is given when it is stored. A life begins with its raise, so
 a second raise begins another one.
 Rule 5: no clock here. "Now" comes in with each call.
+Rule 6: who created or raised an alarm last, from a session of its own, is its source: when that session is gone without a
+last word, what it left raised is suspect; when it is back, it is not. Refused calls count: the source has spoken.
 """
 
 from collections.abc import Iterable, Mapping
@@ -126,6 +128,9 @@ class Logbook:
         self.target, self.session, self.limits = target, session, limits
         self.next_unique_id = next_unique_id
         self.table = AlarmTable()
+        self.marks = 0
+        """How often marks were set or taken off without an event that tells it."""
+        self._sources: dict[AlarmKey, str] = {}
         self._lives: dict[AlarmKey, int] = {}
         self._answers: dict[str, tuple[int, CommandAnswer]] = {}
         self._answers_kept = answers_kept
@@ -143,6 +148,7 @@ class Logbook:
         command = question.command
         texts = (
             ("id", question.id, NAME_CHARS),
+            ("session", question.session, NAME_CHARS),
             ("operator", command.operator, NAME_CHARS),
             ("client", command.client, NAME_CHARS),
             ("comment", command.comment, COMMENT_CHARS),
@@ -158,9 +164,11 @@ class Logbook:
             command = msgspec.structs.replace(command, time_ns=now_ns)
         if (replayed := self._replayed(command)) is not None:
             return self.refuse(question, ADS_E_INVALIDACCESS, replayed)
-        if isinstance(command, Create | Raise | Clear):
-            self.table.trust(command.key)
+        if isinstance(command, Create | Raise | Clear) and self.table.mark((command.key,), suspect=False):
+            self.marks += 1
         alarm = self.table.alarms.get(command.key)
+        if alarm is not None and isinstance(command, Create | Raise):
+            self._sources[command.key] = question.session
         try:
             events = decide(alarm, command)
             if isinstance(command, Create):
@@ -193,6 +201,7 @@ class Logbook:
         question = plan.question
         if plan.alarm is not None:
             self.table.put(plan.alarm)
+            self._sources[plan.alarm.key] = question.session
             self._lives[plan.alarm.key] = 0
             answer = CommandAnswer(id=question.id, session=self.session, alarm=plan.alarm, created=True)
             return Outcome(self._remember(question, answer), Changes(alarms=(Kept(0, plan.alarm),)))
@@ -255,12 +264,26 @@ class Logbook:
             return Changes(stored)
         if isinstance(event, AlarmDisposed):  # the table may be ahead of the event (follow)
             self._lives.pop(key, None)
+            self._sources.pop(key, None)
         else:
             self._lives[key] = unique_id
         alarm = self.table.alarms.get(key)
         if alarm is None:
             return Changes(stored, gone=(key,))
         return Changes(stored, (Kept(unique_id, alarm),))
+
+    def source_gone(self, session: str) -> Changes:
+        """The source with this session is gone without a last word: what it left raised is suspect."""
+        return self._marked(session, suspect=True)
+
+    def source_back(self, session: str) -> Changes:
+        """The source with this session could not be reached, and is there again."""
+        return self._marked(session, suspect=False)
+
+    def _marked(self, session: str, *, suspect: bool) -> Changes:
+        alarms = self.table.mark([key for key, source in self._sources.items() if source == session], suspect=suspect)
+        self.marks += bool(alarms)
+        return Changes(alarms=tuple(Kept(self._lives.get(alarm.key, 0), alarm) for alarm in alarms))
 
     def load_state(self, target: str, session: str, seq: int, alarms: Iterable[Alarm]) -> Changes:
         """Take over a recorded state of a target after `seq` events of `session`; what it corrects is written anew."""

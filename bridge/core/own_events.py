@@ -7,20 +7,25 @@ Rule 2: a report is never about reports alone, so that dropping one does not mak
 |----|--------------|----------|------------------------------------------------------------------|
 | 1  | CacheDropped | Warning  | how many events, why (max_bytes, max_age, max_events)             |
 | 2  | LogCleared   | Info     | how many events, operator, client, comment                       |
+| 3  | SourceGone   | Warning  | how many alarms are suspect now, client that raised the last      |
 """
 
 from typing import Final
 
+from bridge.core.arguments import Argument
 from bridge.core.catalog import EventClass, EventEntry
-from bridge.core.events import Severity
+from bridge.core.events import MessageSent, Severity
 
 OWN_CLASS: Final = "7c1b6f0e-54c3-4b52-9b0a-7463627269d6"
 CACHE_DROPPED: Final = 1
 LOG_CLEARED: Final = 2
-SOURCE_NAME: Final = "tcbridge.cache"
+SOURCE_GONE: Final = 3
+SHOWN_CHARS: Final = 80
+"""Of a text in the arguments of an event of ours; operator, client and comment are whole in its own fields."""
 
 _DROPPED: Final = "The log dropped its {0} oldest events ({1})"
 _CLEARED: Final = "{0} events of the log were cleared by {1} at {2}: {3}"
+_GONE: Final = "A source is gone without a last word: {0} raised alarms are suspect, the last of {1}"
 OWN_EVENTS: Final = EventClass(
     guid=OWN_CLASS,
     name="TcBridge",
@@ -28,9 +33,29 @@ OWN_EVENTS: Final = EventClass(
     events={
         CACHE_DROPPED: EventEntry(CACHE_DROPPED, "CacheDropped", Severity.WARNING, _DROPPED),
         LOG_CLEARED: EventEntry(LOG_CLEARED, "LogCleared", Severity.INFO, _CLEARED),
+        SOURCE_GONE: EventEntry(SOURCE_GONE, "SourceGone", Severity.WARNING, _GONE),
     },
     translations={
         _DROPPED: {1031: "Das Protokoll hat seine {0} ältesten Ereignisse verworfen ({1})"},
         _CLEARED: {1031: "{0} Ereignisse des Protokolls wurden von {1} an {2} gelöscht: {3}"},
+        _GONE: {1031: "Eine Quelle ist ohne letztes Wort fort: {0} anstehende Alarme sind zweifelhaft, der letzte von {1}"},
     },
 )
+
+
+def own_event(
+    target: str, source: str, event_id: int, *arguments: int | str, operator: str = "", client: str = "", comment: str = ""
+) -> MessageSent:
+    """A message about ourselves, not yet numbered, from the part `source` of us (tcbridge.cache). Long texts are cut."""
+    shown = [item[:SHOWN_CHARS] if isinstance(item, str) else item for item in arguments]
+    return MessageSent(
+        target=target,
+        event_class=OWN_CLASS,
+        event_id=event_id,
+        severity=OWN_EVENTS.events[event_id].severity,
+        source_name=f"tcbridge.{source}",
+        arguments=tuple(map(Argument.of, shown)),
+        operator=operator,
+        client=client,
+        comment=comment,
+    )

@@ -69,10 +69,11 @@ class LogPart(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
 
 class CommandQuestion(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """A command with its id."""
+    """A command with its id. session: who stands for the alarm from then on, as long as its token is there; "" nobody does."""
 
     id: str
     command: AlarmCommand
+    session: str = ""
 
 
 class CommandAnswer(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):

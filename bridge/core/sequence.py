@@ -36,7 +36,8 @@ class Missing(msgspec.Struct, frozen=True):
 class Beat(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """A sender's numbers, sent each second: the last seq, and the last key_seq of each key used in the last 60 s.
 
-    final: it has closed, nothing follows. unsent: events it could not hand to the bus before closing.
+    final: it has closed, nothing follows. unsent: events it could not hand to the bus before closing. marks: of a logger, how
+    often it has marked alarms suspect or taken marks off, of which no event tells.
     """
 
     target: str
@@ -46,6 +47,7 @@ class Beat(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     keys: dict[str, Count] = {}
     final: bool = False
     unsent: Count = 0
+    marks: Count = 0
 
 
 class _Join(msgspec.Struct):

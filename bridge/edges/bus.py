@@ -376,10 +376,19 @@ class Bus:
             log.exception("answering %s", question.key)
             query.reply_err(f"{type(error).__name__}: {error}", encoding="text/plain")
 
-    def alive(self, key: str) -> Closable:
-        """Show that somebody is there, until closed; it vanishes with the process too."""
+    def alive(self, key: str, last: str = "") -> Closable:
+        """Show that somebody is there, until closed; it vanishes with the process too.
+
+        With a `last` key the two can be told apart: closing shows that key for the moment in which this one goes.
+        """
         token = self._session.liveliness().declare_token(key)
-        return Closable(self._keep(token.undeclare))
+
+        def leave() -> None:
+            farewell = self._session.liveliness().declare_token(last)
+            token.undeclare()
+            farewell.undeclare()
+
+        return Closable(self._keep(leave if last else token.undeclare))
 
     def who_is_alive(self, expression: str, *, timeout_s: float = 1.0) -> set[str]:
         """Keys of the tokens there are."""

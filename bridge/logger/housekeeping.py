@@ -13,14 +13,13 @@ from typing import Final
 
 import msgspec
 
-from bridge.core.arguments import Argument
 from bridge.core.events import MessageSent
 from bridge.core.filters.ast import UnknownClassError
 from bridge.core.filters.text import FilterSyntaxError
 from bridge.core.hresult import ADS_E_INVALIDDATA, ADS_E_INVALIDSIZE, ADS_E_INVALIDSTATE, ADS_E_NOMEMORY, AdsError
 from bridge.core.keys import KeyFormatError
 from bridge.core.logbook import COMMENT_CHARS, NAME_CHARS
-from bridge.core.own_events import CACHE_DROPPED, LOG_CLEARED, OWN_CLASS, OWN_EVENTS, SOURCE_NAME
+from bridge.core.own_events import CACHE_DROPPED, LOG_CLEARED, own_event
 from bridge.core.questions import ClearLogAnswer, ClearLogQuestion
 from bridge.edges.bus import Question, Refusal, Reply
 from bridge.edges.cache import CacheError, Drop
@@ -30,8 +29,6 @@ log: Final = logging.getLogger(__name__)
 
 CLEAR_LOG: Final = "clear_log"
 ANSWERS_KEPT: Final = 1_000
-SHOWN_CHARS: Final = 80
-"""Of operator, client and comment each, in the arguments of the report; they are whole in its own fields."""
 
 
 class Housekeeping:
@@ -91,8 +88,8 @@ class Housekeeping:
         except (CacheError, TimeoutError) as error:
             return refused(ADS_E_NOMEMORY, f"cannot be cleared: {error}")
         if count:
-            shown = [text[:SHOWN_CHARS] for text in (question.operator, question.client, question.comment)]
-            self._report(LOG_CLEARED, count, *shown, question=question)
+            who = {"operator": question.operator, "client": question.client, "comment": question.comment}
+            self._report(LOG_CLEARED, count, *who.values(), **who)
         return ClearLogAnswer(id=question.id, session=self._session, cleared=count)
 
     # Reports.
@@ -104,20 +101,9 @@ class Housekeeping:
             if not drop.quiet and not self._refusal():
                 self._report(CACHE_DROPPED, drop.count, drop.reason)
 
-    def _report(self, event_id: int, *arguments: int | str, question: ClearLogQuestion | None = None) -> None:
-        event = MessageSent(
-            target=self._book.logbook.target or "",
-            event_class=OWN_CLASS,
-            event_id=event_id,
-            severity=OWN_EVENTS.events[event_id].severity,
-            source_name=SOURCE_NAME,
-            arguments=tuple(map(Argument.of, arguments)),
-            operator="" if question is None else question.operator,
-            client="" if question is None else question.client,
-            comment="" if question is None else question.comment,
-        )
+    def _report(self, event_id: int, *arguments: int | str, **who: str) -> None:
         try:
-            self._send(event)
+            self._send(own_event(self._book.logbook.target or "", "cache", event_id, *arguments, **who))
         except Exception:
             # A report is for people; what it is about has happened, and must be answered.
             log.exception("%s: event %d of tcbridge could not be sent", self._book.path, event_id)

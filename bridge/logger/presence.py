@@ -1,18 +1,30 @@
-"""Which loggers of a target there are, and when that changes.
+"""Which loggers and sources of a target there are, and when that changes.
 
-Liveliness tokens say so: a logger holds @alive/logger/{session} from opening to closing, and loses it with its process.
+Liveliness tokens say so: a logger holds @alive/logger/{session} from opening to closing, and loses it with its process. Who
+raises alarms through the logger holds @alive/source/{session}; closing shows @alive/left/{session} in the moment in which that
+token goes, and so a source that has left is told from one that died.
 """
 
 import threading
 from collections.abc import Callable
+from typing import Final
 
 from bridge.core import keys
-from bridge.edges.bus import Bus
+from bridge.edges.bus import Bus, Closable
+
+SOURCE: Final = "source"
+_LEFT: Final = "left"
 
 
 def token_key(target: str, realm: str, session: str | None = None) -> str:
     """The key of a logger's token, or the expression for all of the target's."""
     return keys.verb_key(realm, target, "@alive", "logger", session)
+
+
+def show_source(bus: Bus, target: str, realm: str, session: str) -> Closable:
+    """Show that a source of the target's alarms is there, until closed."""
+    here, left = (keys.verb_key(realm, target, "@alive", role, session) for role in (SOURCE, _LEFT))
+    return bus.alive(here, left)
 
 
 def session_of(key: str) -> str:

@@ -2,9 +2,12 @@
 
 Rule 1: an empty answer means "unknown". A command is then asked again with the same id, which cannot do it twice, until time
 is up; then the state is read back and CommandUnknownError says what is known.
-Rule 2: exactly one logger answers for a target. Two are an error (TwoLoggersError); one that has stepped back does not count.
+Rule 2: who creates or raises alarms stands for them from then on: it shows that it is there until disconnect(), or until its
+bus is closed. Leaving so leaves the alarms as they are; being killed makes those that it left raised suspect.
+Rule 3: exactly one logger answers for a target. Two are an error (TwoLoggersError); one that has stepped back does not count.
 """
 
+import os
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -15,7 +18,7 @@ import msgspec
 
 from bridge.asking import ask_sessions, read_answer
 from bridge.core import codec, keys
-from bridge.core.alarms import Alarm, AlarmKey
+from bridge.core.alarms import Alarm, AlarmKey, Create, Raise
 from bridge.core.arguments import ZERO_GUID, Argument, Value
 from bridge.core.events import DEFAULT_LIMITS, Limits, MessageSent, Severity, Source
 from bridge.core.filters.text import parse
@@ -29,10 +32,10 @@ from bridge.core.questions import (
     StatePart,
     Stored,
 )
-from bridge.edges.bus import Bus
+from bridge.edges.bus import Bus, Closable
 from bridge.listener import TwoLoggersError
 from bridge.logger.commands import Commands
-from bridge.logger.presence import Presence
+from bridge.logger.presence import Presence, show_source
 from bridge.publisher import Publisher, default_source
 
 _STEP_S: Final = 0.02
@@ -87,6 +90,9 @@ class LoggerProxy(Commands):
         """timeout_s is how long a command is tried; on_connection(there) is called on a thread of ours when that changes."""
         super().__init__(target, object_id=object_id, client=client, resolve_class=resolve_class)
         self.bus, self.realm, self.timeout_s = bus, realm, timeout_s
+        self.session = os.urandom(8).hex()
+        """Which source this is in the logger's eyes."""
+        self._source: Closable | None = None
         self._encoding, self._limits = encoding, limits
         self._on_connection = on_connection
         self._presence: Presence | None = None
@@ -104,10 +110,13 @@ class LoggerProxy(Commands):
         return presence.wait(self.timeout_s if timeout_s is None else timeout_s)
 
     def disconnect(self) -> int:
-        """Stop watching and close what send_message() opened; how many messages could not be sent."""
+        """Stop watching, leave the alarms to the logger, close what send_message() opened; how many messages were not sent."""
         with self._lock:
             presence, self._presence = self._presence, None
             publisher, self._publisher = self._publisher, None
+            source, self._source = self._source, None
+        if source is not None:
+            source.close()
         if presence is not None:
             presence.close()
         return publisher.close() if publisher is not None else 0
@@ -131,6 +140,11 @@ class LoggerProxy(Commands):
         return next(iter(found.values()), []), reason
 
     def _do(self, question: CommandQuestion) -> CommandAnswer:
+        if isinstance(question.command, Create | Raise):
+            with self._lock:
+                if self._source is None:
+                    self._source = show_source(self.bus, self.target, self.realm, self.session)
+            question = msgspec.structs.replace(question, session=self.session)
         deadline = time.monotonic() + self.timeout_s
         payload = msgspec.json.encode(question)
         name = str(question.command.__struct_config__.tag)

@@ -8,7 +8,9 @@ Rule 3: a command is answered when it is committed in the cache: it survives kil
 Rule 4: messages of other publishers under the target are stored; their alarm transitions are rejected and counted.
 Rule 5: a clean stop leaves no alarm raised. So what is raised when a logger opens was left by one that was killed: it is
 suspect until its source speaks again.
-Rule 6: closing disposes of raised alarms, says the last word, then closes the cache, and never hangs.
+Rule 6: a source that raised alarms through the proxy and is gone without a last word makes them suspect, until it is back, it
+or another source of the alarm speaks, or somebody clears them (docs/decisions/0021).
+Rule 7: closing disposes of raised alarms, says the last word, then closes the cache, and never hangs.
 
 A session id of a logger starts with its start time in microseconds, so that the older of two is the smaller one.
 """
@@ -26,6 +28,7 @@ from typing import Final, Self
 
 import msgspec
 
+from bridge.attendance import Attendance, Token
 from bridge.clock import SteadyClock
 from bridge.core import codec, keys
 from bridge.core.alarms import Alarm, AlarmKey
@@ -36,7 +39,7 @@ from bridge.core.filters.ast import UnknownClassError
 from bridge.core.filters.text import FilterSyntaxError
 from bridge.core.hresult import ADS_E_BUSY, ADS_E_INVALIDDATA, ADS_E_INVALIDSTATE, ADS_E_NOMEMORY, S_OK, AdsError
 from bridge.core.logbook import Changes, Plan
-from bridge.core.own_events import OWN_EVENTS
+from bridge.core.own_events import OWN_EVENTS, SOURCE_GONE, own_event
 from bridge.core.questions import (
     PART_ITEMS,
     ClearLogAnswer,
@@ -55,7 +58,7 @@ from bridge.listener import Gap, Listener, Rejected
 from bridge.logger.book import Book
 from bridge.logger.commands import Commands
 from bridge.logger.housekeeping import CLEAR_LOG, Housekeeping
-from bridge.logger.presence import loggers, session_of, token_key
+from bridge.logger.presence import SOURCE, loggers, session_of, token_key
 from bridge.publisher import Publisher, PublisherClosedError, QueueFullError, default_source
 from bridge.texts import ClassOffer
 
@@ -193,6 +196,9 @@ class EventLogger(Commands):
             self._answers = self._open_answers()
             self._offer = ClassOffer(self.bus, target, self.catalog, realm=realm, session=self.session)
             self._watch = self.bus.watch_alive(token_key(target, realm), self._logger_seen)
+            self._attendance = Attendance(
+                self.bus, realm, [target], came=self._came, left=self._left, connected=lambda _there: None
+            )
             self._own_bus = self.bus if bus is None else None
             opened.pop_all()
 
@@ -261,6 +267,7 @@ class EventLogger(Commands):
     def _do(self, question: CommandQuestion) -> CommandAnswer:
         with self.book.lock:
             answer = self._carry_out(question)
+            self.publisher.tell_marks(self.book.logbook.marks)
         if answer.result == S_OK and self.book.path != ":memory:":
             try:
                 self.book.flush(durable=self._durable)
@@ -397,6 +404,33 @@ class EventLogger(Commands):
         if self._on_read_only is not None:
             self._on_read_only(reason)
 
+    def _came(self, who: Token) -> None:
+        if who.role == SOURCE:
+            with self.book.lock:
+                self._mark(self.book.logbook.source_back(who.session))
+
+    def _left(self, who: Token, gone: bool) -> None:
+        if not gone or who.role != SOURCE or self._closing:
+            return
+        with self.book.lock:
+            changes = self.book.logbook.source_gone(who.session)
+            self._mark(changes)
+        if changes.alarms and not self._why_unchangeable():
+            client = changes.alarms[-1].alarm.client
+            log.warning(
+                "%s: source %s is gone without a last word; %d alarms are suspect now",
+                self.target,
+                client or who.session,
+                len(changes.alarms),
+            )
+            with contextlib.suppress(PublisherClosedError, QueueFullError):
+                self._send_own(own_event(self.target, "logger", SOURCE_GONE, len(changes.alarms), client))
+
+    def _mark(self, changes: Changes) -> None:
+        if changes.alarms:
+            self.book.store((changes,))
+            self.publisher.tell_marks(self.book.logbook.marks)
+
     # Closing.
 
     def close(self, timeout_s: float = 2.0) -> int:
@@ -420,6 +454,7 @@ class EventLogger(Commands):
         self._follower.join(left())
         unsent = self.publisher.close(left()) + undisposed
         self._watch.close()
+        self._attendance.close()
         self._offer.close()
         self._answers["@log"].close()
         self._answers["@state"].close()

@@ -6,13 +6,13 @@ import re
 import pytest
 
 from bridge.cli import show
-from bridge.core.alarms import step
+from bridge.core.alarms import AlarmKey, step
 from bridge.core.arguments import Argument
 from bridge.core.catalog import Catalog, EventClass, EventEntry
 from bridge.core.events import AlarmRaised, ConfirmationState, MessageSent, Severity
 from bridge.core.sequence import Missing
 from bridge.inbox import Dropped
-from bridge.listener import Gap, Item, Rejected, TailUnknown, TwoLoggers
+from bridge.listener import Gap, Item, Rejected, SuspectsChanged, TailUnknown, TwoLoggers
 
 GUID = "54cc5482-ad79-4cdc-8c3e-b3983b36ed66"
 OTHER = "695e2e22-3f74-4ec5-a795-e51962a66fcb"
@@ -76,6 +76,7 @@ NOTICES: list[tuple[Item, str, str]] = [
     (Rejected("k", b"x", "no event"), "rejected", "rejected: 1 bytes on k: no event"),
     (TailUnknown("plc1", "s1"), "tail_unknown", "tail unknown: session s1 of plc1"),
     (TwoLoggers("plc1", ("a", "b")), "two_loggers", "two loggers of plc1 answer: a, b"),
+    (SuspectsChanged("plc1", "s1", (AlarmKey("plc1", GUID, 1),)), "suspects_changed", "suspect alarms of plc1 now: 1"),
 ]
 
 

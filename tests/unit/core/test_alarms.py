@@ -766,6 +766,7 @@ def test_a_suspect_alarm_is_trusted_when_its_source_speaks() -> None:
     table.apply(alarm_cleared(target="plc1", event_id=1, seq=6))
     assert not any(alarm.suspect for alarm in table.alarms.values())
     assert table.suspect()
-    for key in table.alarms:
-        table.trust(key)
-    assert not any(alarm.suspect for alarm in table.alarms.values())
+    assert table.suspects("plc2") == tuple(key for key in table.alarms if key.target == "plc2")
+    assert [alarm.suspect for alarm in table.mark(list(table.alarms), suspect=False)] == [False]
+    assert table.suspects("plc2") == ()
+    assert table.mark(list(table.alarms), suspect=False) == []

@@ -40,9 +40,9 @@ class Clerk:
         self.seq += 1
         return msgspec.structs.replace(event, session=self.book.session, seq=self.seq, key_seq=self.seq)
 
-    def ask(self, command: AlarmCommand, id: str | None = None) -> CommandAnswer:
+    def ask(self, command: AlarmCommand, id: str | None = None, session: str = "") -> CommandAnswer:
         self.commands += 1
-        question = CommandQuestion(id=id if id is not None else f"c{self.commands}", command=command)
+        question = CommandQuestion(id=id if id is not None else f"c{self.commands}", command=command, session=session)
         decision = self.book.decide(question, NOW_NS)
         if isinstance(decision, CommandAnswer):
             return decision
@@ -411,3 +411,45 @@ def test_a_stale_raise_of_an_older_session_ends_no_life() -> None:
     )
     assert (len(late.events), late.alarms) == (1, ())
     assert book.replay(alarm_cleared(session="b", seq=2), NOW_NS).events[0].unique_id == life
+
+
+def test_a_source_that_is_gone_leaves_its_raised_alarms_suspect() -> None:
+    """Those it created or raised last, and nobody else's; when it is back they are as they were. It changes the marks only."""
+    clerk = Clerk()
+    mine, theirs, cleared, taken_over = (AlarmKey(TARGET, EVENT_CLASS, number) for number in range(1, 5))
+    for key, session in ((mine, "pump"), (theirs, "valve"), (cleared, "pump"), (taken_over, "pump")):
+        clerk.ask(create(key), session=session)
+        clerk.ask(Raise(key=key), session=session)
+    clerk.ask(Clear(key=cleared, reset_confirmation=True))
+    assert clerk.ask(Raise(key=taken_over), session="valve").result == ADS_E_INVALIDSTATE
+    before, marks = clerk.book.table.state(), clerk.book.marks
+    changes = clerk.book.source_gone("pump")
+    assert [(kept.alarm.key, kept.alarm.suspect, kept.unique_id) for kept in changes.alarms] == [(mine, True, 1)]
+    assert changes.events == () == changes.gone
+    assert (clerk.book.table.state(), clerk.book.marks) == (before, marks + 1)
+    assert clerk.book.source_gone("pump") == Changes()
+    assert [(kept.alarm.key, kept.alarm.suspect) for kept in clerk.book.source_back("pump").alarms] == [(mine, False)]
+    assert clerk.book.marks == marks + 2
+
+
+def test_a_source_that_speaks_again_takes_the_mark_off() -> None:
+    """A refused raise does, by whoever: no event tells that, so the marks have changed. A confirmation does not."""
+    clerk = Clerk()
+    clerk.ask(create(), session="pump")
+    clerk.ask(Raise(key=KEY), session="pump")
+    clerk.book.source_gone("pump")
+    clerk.ask(Confirm(key=KEY))
+    assert clerk.book.table.alarms[KEY].suspect
+    marks = clerk.book.marks
+    assert clerk.ask(Raise(key=KEY), session="pump again").result == ADS_E_INVALIDSTATE
+    assert not clerk.book.table.alarms[KEY].suspect
+    assert clerk.book.marks == marks + 1
+    assert clerk.book.source_gone("pump") == Changes()
+    assert len(clerk.book.source_gone("pump again").alarms) == 1
+    clerk.ask(Dispose(key=KEY))
+    assert clerk.book.source_back("pump again") == Changes()
+
+
+def test_the_session_of_a_source_has_a_limit() -> None:
+    """As every name in a command."""
+    assert Clerk().ask(create(), session="x" * 256).result == ADS_E_INVALIDSIZE

@@ -2,14 +2,14 @@
 
 from bridge.core.arguments import Argument
 from bridge.core.catalog import Catalog
-from bridge.core.own_events import CACHE_DROPPED, LOG_CLEARED, OWN_CLASS, OWN_EVENTS
+from bridge.core.own_events import CACHE_DROPPED, LOG_CLEARED, OWN_CLASS, OWN_EVENTS, SOURCE_GONE, own_event
 
 
 def test_the_class_is_fixed() -> None:
     """Logs of years hold this GUID and these ids."""
     assert OWN_CLASS == OWN_EVENTS.guid == "7c1b6f0e-54c3-4b52-9b0a-7463627269d6"
-    assert (CACHE_DROPPED, LOG_CLEARED) == (1, 2)
-    assert {1, 2} <= set(OWN_EVENTS.events)
+    assert (CACHE_DROPPED, LOG_CLEARED, SOURCE_GONE) == (1, 2, 3)
+    assert set(OWN_EVENTS.events) == {1, 2, 3}
 
 
 def test_each_event_has_a_text_in_two_languages() -> None:
@@ -24,3 +24,13 @@ def test_each_event_has_a_text_in_two_languages() -> None:
     cleared = (Argument.of(7), *(Argument.of(text) for text in ("anna", "hmi", "why")))
     assert catalog.text(OWN_CLASS, LOG_CLEARED, cleared) == "7 events of the log were cleared by anna at hmi: why"
     assert catalog.text(OWN_CLASS, LOG_CLEARED, cleared, 1031).startswith("7 Ereignisse")
+    gone = (Argument.of(2), Argument.of("plc:pump"))
+    assert catalog.text(OWN_CLASS, SOURCE_GONE, gone).endswith(": 2 raised alarms are suspect, the last of plc:pump")
+    assert catalog.text(OWN_CLASS, SOURCE_GONE, gone, 1031).startswith("Eine Quelle ist ohne letztes Wort fort: 2")
+
+
+def test_an_event_of_ours_says_who_and_what() -> None:
+    """Its texts are cut, for people; who did it is whole in its own fields."""
+    event = own_event("plc1", "cache", LOG_CLEARED, 5, "o" * 100, "hmi", "why", operator="o" * 100, client="hmi", comment="why")
+    assert [argument.value for argument in event.arguments] == ["5", "o" * 80, "hmi", "why"]
+    assert (event.event_class, event.source_name, event.operator) == (OWN_CLASS, "tcbridge.cache", "o" * 100)

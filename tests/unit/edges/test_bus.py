@@ -116,3 +116,22 @@ def _listening_port(middle: str, config: BusConfig) -> str:
                 return links[middle].rpartition(":")[2]
             found.wait(0.01)
     raise AssertionError("the router was not found")
+
+
+def test_who_leaves_is_told_from_who_dies() -> None:
+    """With a last key: closing shows it before the token goes, and the bus does so too when it closes."""
+    with open_bus(ALONE) as bus:
+        news: list[tuple[str, bool]] = []
+        gone = threading.Semaphore(0)
+
+        def changed(key: str, there: bool) -> None:
+            news.append((key, there))
+            if (key, there) == ("left/1", False):
+                gone.release()
+
+        bus.watch_alive("*/1", changed)
+        bus.alive("here/1", "left/1").close()
+        assert gone.acquire(timeout=20)
+        assert news == [("here/1", True), ("left/1", True), ("here/1", False), ("left/1", False)]
+        bus.alive("here/1", "left/1")
+    assert news[4:7] == [("here/1", True), ("left/1", True), ("here/1", False)]
