@@ -171,6 +171,13 @@ class Texts:
                 future.result(max(0.0, deadline - time.monotonic()))
         return self._catalog
 
+    def known(self, event: Occurrence) -> Catalog:
+        """The catalog as it is now. A class of the event that is not in it is asked for meanwhile; this does not wait."""
+        missing = [guid for guid in _classes(event) if guid not in self._catalog]
+        if missing:
+            self._want((guid, _target(event)) for guid in missing)
+        return self._catalog
+
     def text(self, event: Occurrence, language: Language | None = None) -> str:
         """The text of an event or alarm; of an unknown class "<GUID>#7 (a, b)". Never an exception."""
         return self.catalog_for((event,)).event_text(event, self.language if language is None else language)

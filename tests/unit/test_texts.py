@@ -1,6 +1,7 @@
 """Texts without files: classes offered on the bus, asked for once, and what happens when nobody knows or answers."""
 
 import threading
+import time
 from collections.abc import Iterable, Iterator
 
 import msgspec
@@ -193,6 +194,19 @@ def test_names_for_filters(bus: Bus) -> None:
     with ClassOffer(bus, "plc1", Catalog([AXIS, PUMP])), Texts(bus) as texts:
         assert texts.guids("Axis") == (AXIS_GUID,)
         assert texts.guids("Axes") == ()
+
+
+def test_a_recorder_does_not_wait(bus: Bus) -> None:
+    """What is known now comes at once; what is not is asked for meanwhile, once, and is there later."""
+    with ClassOffer(bus, "plc1", Catalog([AXIS])), Texts(bus, catalog=Catalog([PUMP])) as texts:
+        assert PUMP_GUID in texts.known(message(PUMP_GUID, 1))
+        assert texts.questions == 0
+        assert AXIS_GUID not in texts.known(message())
+        deadline = time.monotonic() + WAIT_S
+        while AXIS_GUID not in texts.known(message()) and time.monotonic() < deadline:
+            time.sleep(0.001)
+        assert texts.known(message()).lookup(AXIS_GUID) == AXIS
+        assert texts.questions == 1
 
 
 def test_requests_do_not_wait(bus: Bus) -> None:

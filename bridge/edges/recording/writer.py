@@ -46,7 +46,6 @@ from bridge.edges.recording.layout import (
     SCHEMA_ATTACHMENT,
     STATE_TOPIC,
     SUMMARY_METADATA,
-    VIEWER_TOPICS,
     About,
     Attachment,
     Compression,

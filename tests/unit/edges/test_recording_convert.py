@@ -130,6 +130,20 @@ def test_of_a_cut_file_there_is_what_can_be_read(tmp_path: Path) -> None:
     assert summary(tmp_path / "b.mcap").complete == "tail unknown"
 
 
+def test_of_a_damaged_file_there_is_what_can_be_read(tmp_path: Path) -> None:
+    """Its summary, which is whole, is not believed."""
+    write_story(tmp_path / "a.mcap", compression="none")
+    data = bytearray((tmp_path / "a.mcap").read_bytes())
+    place = data.index(b"Main.fbAxis[9]")
+    data[place] ^= 1
+    (tmp_path / "bad.mcap").write_bytes(data)
+    assert carried(tmp_path / "bad.mcap").summary is not None
+    report = convert(tmp_path / "bad.mcap", tmp_path / "b.mcap", viewer())
+    assert report.damage is not None
+    assert 0 < report.events < 10
+    assert summary(tmp_path / "b.mcap").complete == "tail unknown"
+
+
 def test_a_large_keyframe_keeps_its_place(tmp_path: Path) -> None:
     """Written in several messages, it still stands where it stood."""
     alarms = tuple(msgspec.structs.replace(ALARM, event_id=number) for number in range(2500))
