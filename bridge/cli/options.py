@@ -7,6 +7,7 @@ Rule 2: dataclasses, because the parser flattens them into options and does not 
 import getpass
 import os
 import sys
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -148,17 +149,18 @@ def catalog(settings: config.Settings) -> "Catalog":
     return builtin_catalog().merged((OWN_EVENTS,)).merged(found)
 
 
-def parse_filter(text: str | None, known: "Catalog") -> "Expr":
+def parse_filter(text: str | None, known: "Catalog", resolve_class: Callable[[str], Sequence[str]] | None = None) -> "Expr":
     """The filter of a text; old versions of classes that it names are told on stderr.
 
-    What the manual answers with an HRESULT is wrong usage here.
+    resolve_class finds the GUIDs of a class name, in the catalog unless it is given. What the manual answers with an HRESULT is
+    wrong usage here.
     """
     from bridge.core.filters.hidden import hidden_in
     from bridge.core.filters.text import parse
     from bridge.core.hresult import AdsError
 
     try:
-        expr = parse(text or "", resolve_class=known.guids)
+        expr = parse(text or "", resolve_class=resolve_class or known.guids)
     except AdsError as error:
         raise Usage(f"filter refused: {error}") from None
     for hidden in hidden_in(expr, known):

@@ -20,6 +20,7 @@ SeverityName: TypeAlias = Literal["verbose", "info", "warning", "error", "critic
 TYPES: Final = {kind.name.lower(): kind for kind in ArgumentType if kind is not ArgumentType.UNDEFINED}
 """The types that --arg takes, by name."""
 _WORDS: Final = {"true": True, "false": False}
+_FACTORS: Final = {"K": 10**3, "M": 10**6, "G": 10**9, "T": 10**12}
 _TEXTS: Final = ("string", "wstring", "utf8_string", "utf16_string", "utf32_string", "format_string", "char", "wchar")
 
 
@@ -107,3 +108,18 @@ def source(name: str | None, number: int | None, source_guid: str | None) -> Sou
 def time_ns(text: str | None) -> int:
     """A time as Unix ns, 0 for "now"."""
     return parse_time(text) if text else 0
+
+
+def size(text: str) -> int:
+    """Bytes as a person writes them: 1000000, 100MB, 2GB; "" is 0."""
+    number, factor = text.upper().removesuffix("B"), 1
+    for letter, each in _FACTORS.items():
+        if number.endswith(letter):
+            number, factor = number.removesuffix(letter), each
+    try:
+        found = int(float(number or 0) * factor)
+    except (ValueError, OverflowError):
+        found = -1
+    if found < 0:
+        raise Usage(f"{text!r} is no size; expected e.g. 1000000, 100MB or 2GB")
+    return found

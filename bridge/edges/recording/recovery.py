@@ -59,7 +59,7 @@ def recover(
     goal = Path(target)
     try:
         with open(source, "rb") as held:
-            lock(held)
+            lock(held, source)
             return _finish_earlier(source, goal) if os.path.lexists(goal) else _recover(source, goal, limits)
     except RecordingError:
         raise

@@ -72,8 +72,8 @@ COMPRESSIONS: Final[dict[Compression, CompressionType]] = {
     "zstd": CompressionType.ZSTD,
     "lz4": CompressionType.LZ4,
     "none": CompressionType.NONE,
-_NONE: Final[Mapping[str, str]] = MappingProxyType({})
 }
+_NONE: Final[Mapping[str, str]] = MappingProxyType({})
 CHUNK_SIZES: Final = range(1 << 10, (16 << 20) + 1)
 
 
@@ -195,11 +195,11 @@ class RecordingWriter:
     def add_rejected(self, key: str, encoding: str, payload: bytes, reason: str, arrival_ns: int) -> int:
         """Record a payload that could not be decoded, with the key it came on; returns its log time."""
         kept = bytes(payload[:MAX_REJECTED_BYTES])
+        body = RejectedPayload(key=plain(key), encoding=plain(encoding), payload=kept, size=len(payload), reason=plain(reason))
         return self.copy_rejected(body, arrival_ns)
 
     def copy_rejected(self, body: RejectedPayload, arrival_ns: int) -> int:
         """Record what another recording has of a payload that could not be decoded; returns its log time."""
-        body = RejectedPayload(key=plain(key), encoding=plain(encoding), payload=kept, size=len(payload), reason=plain(reason))
         log_time = self._add_own(REJECTED_TOPIC, body, arrival_ns, self._tally.rejected + 1)
         self._tally.rejected += 1
         if self._viewer is not None:
@@ -307,7 +307,7 @@ class RecordingWriter:
             raise RecordingError(self.active_path, "exists: it is being written, or was left by a crash; recover it") from None
         except OSError as error:
             raise RecordingError(self.active_path, error.strerror or str(error)) from error
-        lock(file)
+        lock(file, self.active_path)
         return file
 
     def _log_time(self, arrival_ns: int) -> int:
@@ -398,14 +398,14 @@ def _check_attachment(attachment: Attachment) -> None:
     check_time(index(attachment.create_time_ns))
 
 
-def lock(file: BinaryIO) -> None:
-    """Hold the file until it is closed. RecordingError when another process holds it."""
+def lock(file: BinaryIO | int, path: str | os.PathLike[str], held: str = "is being written by a running recorder") -> None:
+    """Hold an open file or folder until it is closed. RecordingError, saying `held`, when another process holds it."""
     if fcntl is None:
         return
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        raise RecordingError(file.name, "is being written by a running recorder") from None
+        raise RecordingError(path, held) from None
     except OSError:  # a file system without locks
         return
 

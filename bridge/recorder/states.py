@@ -1,0 +1,46 @@
+"""Which alarms there are at one place of the stream, so that a keyframe fits what stands before and behind it in a file.
+
+Rule 1: what goes by is folded in the order in which it goes by; nothing that is still to come is in it.
+Rule 2: a keyframe has the alarms of a logger that the recording's filter takes by their state. Its seq is that of the state the
+logger told last, not that of the last event: between keys the order is not promised, so an event with a smaller seq may follow.
+"""
+
+from collections.abc import Callable
+
+from bridge.core.alarms import Alarm, AlarmTable
+from bridge.core.events import MessageSent
+from bridge.edges.recording import StateFrame
+from bridge.notices import Heard, Item, LoggerGone, Snapshot
+
+
+class States:
+    """The alarms of every target whose logger was heard."""
+
+    def __init__(self) -> None:
+        self._table = AlarmTable()
+        self._sessions: dict[str, str] = {}
+
+    def take(self, item: Item) -> None:
+        """Fold in what goes by."""
+        match item:
+            case Heard(event=event):
+                if not isinstance(event, MessageSent) and self._table.apply(event):
+                    self._sessions[event.target] = event.session
+            case Snapshot(target, session, seq, alarms):
+                self._table.load(alarms, session, seq, target)
+                self._sessions[target] = session
+            case LoggerGone(target=target, clean=False):
+                self._table.suspect(target)
+            case _:
+                pass
+
+    def frames(self, realm: str, takes: Callable[[Alarm], bool] | None) -> list[StateFrame]:
+        """A keyframe for each target, of the alarms that were raised and not disposed and that `takes` takes (None: all)."""
+        alarms: dict[str, list[Alarm]] = {target: [] for target in self._sessions}
+        for key, alarm in self._table.alarms.items():
+            if key.target in alarms and alarm.was_raised and (takes is None or takes(alarm)):
+                alarms[key.target].append(alarm)
+        return [
+            StateFrame(realm=realm, target=target, session=session, seq=self._table.base(session), alarms=tuple(alarms[target]))
+            for target, session in self._sessions.items()
+        ]
