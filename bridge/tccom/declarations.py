@@ -13,6 +13,7 @@ Rule 4: a pointer holds the id of an object; the object server turns it into a r
 or OS. A pointer that is not required may stay empty, or name an object that comes later: each use of it tries again.
 """
 
+import copy
 from collections.abc import Mapping
 from enum import Enum, Flag, StrEnum, auto
 from typing import Final, Generic, Protocol, TypeAlias, TypeVar, overload
@@ -116,6 +117,11 @@ class Parameter(_Identified, Generic[T]):
     ) -> None:
         self.id, self.type, self.default, self.settable, self.comment = parameter_id, type, default, settable, comment
 
+    def __set_name__(self, owner: type, name: str) -> None:
+        super().__set_name__(owner, name)
+        if self.default is not UNSET:
+            self.checked(self.default)
+
     def checked(self, value: object) -> T:
         """The value in the declared type, e.g. as it came from TOML or JSON; AdsError (ADS_E_INVALIDDATA)."""
         try:
@@ -130,7 +136,9 @@ class Parameter(_Identified, Generic[T]):
     def __get__(self, module: Owner | None, owner: type) -> "Parameter[T] | T":
         if module is None:
             return self
-        value = module._values.get(self.name, self.default)
+        value = module._values.get(self.name, UNSET)
+        if value is UNSET and self.default is not UNSET:
+            value = module._values.setdefault(self.name, copy.deepcopy(self.default))
         if value is UNSET:
             raise AdsError(ADS_E_NOTINIT, f"parameter {self.name!r} was not given")
         return value  # type: ignore[return-value] # checked() has seen it, or the module's author has set it
@@ -197,9 +205,9 @@ class DataArea(_Named, Generic[S]):
         if module is None:
             return self
         area = module._values.get(self.name)
-        if not isinstance(area, self.type):
-            area = module._values[self.name] = self.type()
-        return area
+        if area is None:
+            area = module._values.setdefault(self.name, self.type())
+        return area  # type: ignore[return-value] # nothing else is put there
 
     def __set__(self, module: Owner, value: S) -> None:
         module._values[self.name] = value

@@ -58,7 +58,7 @@ class Method(msgspec.Struct, frozen=True):
 
 
 class InterfaceInfo(msgspec.Struct, frozen=True):
-    """What was declared. methods includes those of the bases; hides and bases are interface ids."""
+    """What was declared. methods includes those of the bases; hides and bases are interface ids; protocol is the class."""
 
     id: InterfaceId
     name: str
@@ -66,6 +66,7 @@ class InterfaceInfo(msgspec.Struct, frozen=True):
     bases: tuple[InterfaceId, ...]
     hides: tuple[InterfaceId, ...]
     fingerprint: str
+    protocol: type
 
 
 class InterfaceChangedError(TypeError):
@@ -154,6 +155,7 @@ def interface(interface_id: str, *, hides: tuple[Interface[object], ...] = (), f
             bases=tuple(base.id for base in bases),
             hides=tuple(describe(old).id for old in hides),
             fingerprint=mark,
+            protocol=protocol,
         )
         setattr(protocol, _INFO, _DECLARED.setdefault(iid, info))
         return protocol

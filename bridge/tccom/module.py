@@ -50,8 +50,9 @@ class Server(Protocol):
         name: str = "",
         parameters: Parameters | None = None,
         state: State = State.PREOP,
+        transient: bool = False,
     ) -> Reference[T]:
-        """A new object in that state, and a reference to it."""
+        """A new object in that state, and a reference to it; transient: releasing that deletes the object."""
         ...
 
     def delete(self, object_id: ObjectId) -> None:

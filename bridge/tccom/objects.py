@@ -7,7 +7,7 @@ Rule 3: holders are counted. The object server is one of them from registering t
 Rule 4: a watch compares its value whenever a turn ends, and tells a change before the next turn begins.
 """
 
-import logging
+import contextlib
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager
@@ -17,15 +17,15 @@ import msgspec
 
 from bridge.core.hresult import (
     ADS_E_EXCEPTION,
-    ADS_E_INVALIDACCESS,
     ADS_E_INVALIDSTATE,
     ADS_E_NOTINIT,
     ADS_E_TIMEOUT,
     S_OK,
     AdsError,
 )
-from bridge.tccom.declarations import UNSET, Address, InterfacePointer, Parameter, Settable
-from bridge.tccom.general import IDataAreas, IObject, ObjectInfo, ParameterKey, Parameters
+from bridge.tccom import values
+from bridge.tccom.declarations import UNSET, Address, InterfacePointer
+from bridge.tccom.general import IDataAreas, IObject, ObjectInfo, ParameterKey
 from bridge.tccom.identity import NO_OBJECT, InterfaceId, ObjectId, id_text
 from bridge.tccom.interfaces import Answer, Interface, InterfaceInfo, Method, carry_out, describe
 from bridge.tccom.module import Module, Server
@@ -33,7 +33,6 @@ from bridge.tccom.reports import Report, ReportKind
 from bridge.tccom.states import State, Step, Transition, path
 
 T = TypeVar("T")
-log: Final = logging.getLogger(__name__)
 
 SLOW_NS: Final = 100_000_000
 """A real-time transition (SO, OS) that takes longer is reported."""
@@ -64,7 +63,9 @@ def _in_step(object_id: ObjectId, step: Step) -> Iterator[None]:
 class Keeper(Server, Protocol):
     """What an object needs of the object server that keeps it."""
 
-    patience_s: float
+    def patience_s(self) -> float:
+        """How long to wait for somebody's turn."""
+        ...
 
     def connect(self, address: Address, interface: Interface[T], owner: str) -> AbstractContextManager[T]:
         """A reference to an object of this server or of another."""
@@ -87,35 +88,6 @@ class Keeper(Server, Protocol):
         ...
 
 
-class Watch:
-    """Tells changes of a parameter or symbol, first what it is now. A context manager; left, it tells nothing more."""
-
-    def __init__(self, live: "LiveObject", read: Callable[[], object], tell: Callable[[object], None]) -> None:
-        self._live, self._read, self._tell = live, read, tell
-        self._last: object = UNSET
-
-    def compare(self) -> None:
-        """Tell the value when it is another one than last time. Called by the object at the end of a turn."""
-        try:
-            value = self._read()
-            if value != self._last:
-                self._last = value
-                self._tell(value)
-        except Exception:
-            # Whoever watches must not disturb whom it watches.
-            log.exception("%s: a watch failed", self._live)
-
-    def close(self) -> None:
-        """End it. Any number of times."""
-        self._live.unwatch(self)
-
-    def __enter__(self) -> "Watch":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-
 class LiveObject:
     """An object in its server: module is the author's, the rest is ours."""
 
@@ -128,7 +100,7 @@ class LiveObject:
         self._turn = threading.RLock()
         self._stacks: dict[Transition, ExitStack] = {}
         self._pointed: dict[str, object] = {}
-        self._watches: list[Watch] = []
+        self._watches: list[values.Watch] = []
         self._count = threading.Lock()
         module._place = self
 
@@ -184,8 +156,9 @@ class LiveObject:
     @contextmanager
     def turn(self) -> Iterator[None]:
         """Have the object alone; AdsError (ADS_E_TIMEOUT) when others do not let go in time."""
-        if not self._turn.acquire(timeout=self._keeper.patience_s):
-            raise AdsError(ADS_E_TIMEOUT, f"{self} was busy for {self._keeper.patience_s} s")
+        patience_s = self._keeper.patience_s()
+        if not self._turn.acquire(timeout=patience_s):
+            raise AdsError(ADS_E_TIMEOUT, f"{self} was busy for {patience_s:.1f} s")
         try:
             yield
         finally:
@@ -264,7 +237,7 @@ class LiveObject:
 
     def _prepare(self, step: Step) -> None:
         """What a step up does before its hook: look for missing parameters, resolve pointers."""
-        declared = type(self.module).declared
+        declared = self.module.declared
         if step.transition is Transition.PS:
             for name, parameter in declared.parameters.items():
                 if self.module._values.get(name, parameter.default) is UNSET:
@@ -274,16 +247,15 @@ class LiveObject:
                 self._resolve(pointer)
 
     def _unwind(self, acquired: Transition, step: Step) -> None:
-        for name, pointer in type(self.module).declared.pointers.items():
-            if pointer.resolved.transition is acquired:
-                self._pointed.pop(name, None)
-        stack = self._stacks.pop(acquired, None)
         try:
-            if stack is not None:
-                with _in_step(self.object_id, step):
-                    stack.close()
+            with _in_step(self.object_id, step):
+                self._stacks[acquired].close()
         except Exception as error:  # noqa: BLE001 # whatever it is, the rest has been undone; it is told, and the way goes on
             self.report(ReportKind.UNDO_FAILED, transition=step.transition, code=_code(error), detail=_detail(error))
+        del self._stacks[acquired]
+        for name, pointer in self.module.declared.pointers.items():
+            if pointer.resolved.transition is acquired:
+                self._pointed.pop(name, None)
 
     def _failed(self, step: Step, error: BaseException, begun_ns: int) -> AdsError:
         took_ns = self._keeper.now_ns() - begun_ns
@@ -361,84 +333,38 @@ class LiveObject:
 
     # Its values.
 
-    def initialize(self, parameters: Parameters) -> None:
-        """Take what it is created with; AdsError: ADS_E_NOTFOUND, ADS_E_INVALIDACCESS, ADS_E_INVALIDDATA."""
-        for key, value in parameters.items():
-            one = type(self.module).declared.value(key)
-            if isinstance(one, Parameter) and not one.settable:
-                raise AdsError(ADS_E_INVALIDACCESS, f"parameter {one.name!r} is not set from outside")
-            self.module._values[one.name] = one.checked(value)
-
     def get_parameter(self, key: ParameterKey) -> object:
-        """A parameter as plain data; of a pointer the object it names."""
-        one = type(self.module).declared.value(key)
-        if isinstance(one, InterfacePointer):
-            return one.address(self.module)
-        return msgspec.to_builtins(one.__get__(self.module, type(self.module)), builtin_types=(bytes,), str_keys=True)
+        """A parameter as plain data. Waits for nobody's turn: what it is now may be asked while a hook is slow."""
+        return values.get_parameter(self.module, key)
 
     def set_parameter(self, key: ParameterKey, value: object) -> None:
-        """Set it from outside; AdsError: ADS_E_NOTFOUND, ADS_E_INVALIDACCESS, ADS_E_INVALIDSTATE, ADS_E_INVALIDDATA."""
-        one = type(self.module).declared.value(key)
-        settable = one.settable if isinstance(one, Parameter) else Settable.INIT
-        if not settable:
-            raise AdsError(ADS_E_INVALIDACCESS, f"parameter {one.name!r} is not set from outside")
-        checked = one.checked(value)
+        """Set it from outside, as values.py says."""
         with self.turn():
-            now = Settable.INIT if self.state <= State.PREOP else Settable.OP if self.state is State.OP else Settable.NEVER
-            if not settable & now:
-                raise AdsError(ADS_E_INVALIDSTATE, f"parameter {one.name!r} is not set in {self.state.name}")
-            values = self.module._values
-            before = values.get(one.name, UNSET)
-            values[one.name] = checked
-            try:
-                self.module.on_parameter(one.name)
-            except BaseException as error:
-                if before is UNSET:
-                    del values[one.name]
-                else:
-                    values[one.name] = before
-                if isinstance(error, AdsError) or not isinstance(error, Exception):
-                    raise
-                raise AdsError(ADS_E_EXCEPTION, f"{one.name}: {_detail(error)}") from error
+            values.set_parameter(self.module, key, value, self.state)
 
     def read_symbol(self, path: str) -> object:
-        """A symbol or area as plain data; "" is all areas."""
-        declared = type(self.module).declared
+        """A symbol as plain data, or an area, or all of them."""
         with self.turn():
-            if not path:
-                return {name: area.read(self.module, ()) for name, area in declared.areas.items()}
-            area, below = declared.symbol(path)
-            return area.read(self.module, below)
+            return values.read_symbol(self.module, path)
 
     def write_symbol(self, path: str, value: object) -> None:
         """Set a symbol of a writable area."""
-        area, below = type(self.module).declared.symbol(path)
         with self.turn():
-            area.write(self.module, below, value)
+            values.write_symbol(self.module, path, value)
 
-    def watch(self, key: ParameterKey, tell: Callable[[object], None]) -> Watch:
-        """Tell a parameter's or symbol's value now and at each change; AdsError (ADS_E_NOTFOUND, ADS_E_SYMBOLNOTFOUND).
+    def watch(self, key: ParameterKey, tell: Callable[[object], None]) -> values.Watch:
+        """Tell a parameter's or symbol's value now and at each change; AdsError when there is none.
 
-        A key with a dot, or the name of an area, is a symbol. tell is called while the object has its turn: it returns soon
-        and asks nothing of the object.
+        tell is called while the object has its turn: it returns soon, and asks nothing of the object.
         """
-        declared = type(self.module).declared
-        if isinstance(key, str) and key.split(".")[0] in declared.areas:
-            area, below = declared.symbol(key)
-            watch = Watch(self, lambda: area.read(self.module, below), tell)
-            area.read(self.module, below)
-        else:
-            declared.value(key)
-            watch = Watch(self, lambda: self.get_parameter(key), tell)
+        watch = values.Watch(values.reading(self.module, key), tell, self._unwatch)
         with self.turn():
             self._watches.append(watch)
         return watch
 
-    def unwatch(self, watch: Watch) -> None:
-        """End a watch."""
-        with self.turn():
-            if watch in self._watches:
-                self._watches.remove(watch)
+    def _unwatch(self, watch: values.Watch) -> None:
+        with self.turn(), contextlib.suppress(ValueError):
+            self._watches.remove(watch)
 
 
 def _code(error: BaseException) -> int:

@@ -56,10 +56,10 @@ class Reference(Generic[T]):
         if info.id not in held.interfaces:
             raise AdsError(ADS_E_NOINTERFACE, f"{held} does not offer {info.name} ({info.id})")
         self.owner, self.held = owner, held
-        self._info, self._released = info, released
+        self.info, self._released = info, released
         self._lock = threading.Lock()
         self._count = 0
-        self.interface: T = stub(interface, self._call)
+        self.interface: T = stub(interface, self.call)
         """The methods of the object."""
         self.add_ref()
 
@@ -81,18 +81,23 @@ class Reference(Generic[T]):
             self._check()
             self._count -= 1
             last = self._count == 0
-        if last:
-            self._released(self)
-        return self.held.release()
+        try:
+            if last:
+                self._released(self)
+        finally:
+            left = self.held.release()
+        return left
 
     def safe_release(self) -> None:
         """Let go of all it holds (FW_SafeRelease). Any number of times."""
         with self._lock:
             count, self._count = self._count, 0
-        if count:
-            self._released(self)
-        for _ in range(count):
-            self.held.release()
+        try:
+            if count:
+                self._released(self)
+        finally:
+            for _ in range(count):
+                self.held.release()
 
     def query(self, interface: Interface[U]) -> "Reference[U]":
         """Another interface of the object (TcQueryInterface), as a reference of its own; AdsError (ADS_E_NOINTERFACE)."""
@@ -109,9 +114,10 @@ class Reference(Generic[T]):
         if not self._count:
             raise AdsError(E_POINTER, f"the reference to {self.held} was released")
 
-    def _call(self, method: Method, arguments: msgspec.Struct) -> Answer[object]:
+    def call(self, method: Method, arguments: msgspec.Struct) -> Answer[object]:
+        """What the interface does for each of its methods."""
         self._check()
-        return self.held.call(self._info, method, arguments)
+        return self.held.call(self.info, method, arguments)
 
     def __enter__(self) -> T:
         self._check()

@@ -46,16 +46,20 @@ from bridge.tccom.identity import (
 )
 from bridge.tccom.interfaces import DONE, Answer, Interface
 from bridge.tccom.module import Module
-from bridge.tccom.objects import LiveObject, Watch, current_step
+from bridge.tccom.objects import LiveObject, current_step
 from bridge.tccom.references import Reference
 from bridge.tccom.reports import Report, ReportTo
 from bridge.tccom.states import State
+from bridge.tccom.tasks import Task
+from bridge.tccom.values import Watch, initialize
 
 T = TypeVar("T")
 log: Final = logging.getLogger(__name__)
 
 PATIENCE_S: Final = 5.0
 """How long a call waits for an object that is busy."""
+CLOSE_S: Final = 1.0
+"""How long close() waits for busy objects, all together; those that are still busy then are left as they are."""
 
 
 class Remote(Protocol):
@@ -80,8 +84,9 @@ class ObjectServer:
     ) -> None:
         """report hears of every transition and failure; clock gives ns for durations."""
         self.factories = Factories() if factories is None else factories
-        self.patience_s = patience_s
+        self.factories.register(Task)
         self.remote = remote
+        self._patience_s = patience_s
         self._report, self._clock = report, clock
         self._lock = threading.Lock()
         self._objects: dict[ObjectId, LiveObject] = {}
@@ -90,6 +95,7 @@ class ObjectServer:
         self._references: dict[str, set[Reference[object]]] = {}
         self._next_id = FIRST_FREE_ID
         self._closed = False
+        self._closing_until = 0.0
         self.add(ServerObject(self), object_id=OBJECT_SERVER_ID, name="ObjectServer", state=State.OP)
 
     # Coming.
@@ -105,15 +111,17 @@ class ObjectServer:
         parameters: Parameters | None = None,
         state: State = State.PREOP,
         owner: str = "",
+        transient: bool = False,
     ) -> Reference[T]:
         """A new object of a class (or class id, or its name), and a reference to it; AdsError, and then there is none.
 
-        It stays when the reference is released, until delete(). parent_id is checked by nobody: a parent may come later.
+        It stays when the reference is released, until delete(); transient: until the reference is released, which deletes it.
+        parent_id is checked by nobody: a parent may come later.
         """
         kind = self.factories.find(module_class) if isinstance(module_class, str) else module_class
         live = self._add(kind(), object_id, name, parent_id, parameters, state)
         try:
-            return self._reference(live, interface, owner)
+            return self._reference(live, interface, owner, transient=transient)
         except AdsError:
             live.walk(State.INIT, force=True)
             raise
@@ -147,7 +155,7 @@ class ObjectServer:
         object_id = self._reserve(object_id)
         live = LiveObject(module, self, object_id, name or type(module).__name__, parent_id)
         try:
-            live.initialize(parameters or {})
+            initialize(module, parameters or {})
             live.walk(State.PREOP)
             with self._lock:
                 self._objects[object_id] = live
@@ -258,8 +266,13 @@ class ObjectServer:
         if current is not None and not current[1].connects:
             raise AdsError(ADS_E_INVALIDSTATE, f"no connections in {current[1].transition}: others may not be there")
 
-    def _reference(self, live: LiveObject, interface: Interface[T], owner: str) -> Reference[T]:
-        reference = Reference(live, interface, owner, self._let_go)
+    def _reference(self, live: LiveObject, interface: Interface[T], owner: str, *, transient: bool = False) -> Reference[T]:
+        def let_go(reference: Reference[T]) -> None:
+            self._let_go(reference)
+            if transient and live.registered:
+                live.walk(State.INIT, force=True)
+
+        reference = Reference(live, interface, owner, let_go)
         if owner:
             with self._lock:
                 self._references.setdefault(owner, set()).add(reference)  # type: ignore[arg-type] # kept, never called
@@ -292,7 +305,7 @@ class ObjectServer:
     def close(self) -> int:
         """Take everything down, the youngest first; how many objects could not be. Any number of times."""
         with self._lock:
-            self._closed = True
+            self._closed, self._closing_until = True, time.monotonic() + CLOSE_S
             there = list(self._objects.values())[::-1]
         for live in there:
             try:
@@ -309,6 +322,10 @@ class ObjectServer:
         self.close()
 
     # What its objects need of it.
+
+    def patience_s(self) -> float:
+        """How long to wait for somebody's turn; less while closing."""
+        return max(0.01, self._closing_until - time.monotonic()) if self._closed else self._patience_s
 
     def tell(self, report: Report) -> None:
         """Pass a report on; a listener that fails is logged."""

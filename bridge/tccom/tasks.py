@@ -4,7 +4,7 @@
         def cycle_update(self, context_id: int, cycle_ns: int) -> Answer[None]: ...
 
 Rule 1: a task is a module. In OP it has one thread, which calls the modules that registered, in order of registration.
-Rule 2: a cyclic module registers in SO and leaves in OS, with the task that its pointer cyclic_caller names.
+Rule 2: a cyclic module joins in SO the task that its pointer cyclic_caller names, and leaves it in OS.
 Rule 3: cycles begin at multiples of the cycle time since the first. A cycle that is still running when the next should begin
 is not interrupted: the ones it missed are skipped and counted as overruns, so that the task never falls behind for long.
 Rule 4: a module whose cycle fails is called again in the next one; the others are not affected. The first failure of a row is
@@ -35,22 +35,19 @@ JOIN_S: Final = 1.5
 
 
 class CyclicModule(Module, ICyclic):
-    """A module that is called once per cycle. Who overrides on_so or on_os calls the base's too, where it wants to register."""
+    """A module that is called once per cycle. Who overrides on_so calls the base's where it wants to join the task."""
 
     cyclic_caller = InterfacePointer(PID_CYCLIC_CALLER, ICyclicCaller, resolved=Resolved.SO, comment="the task that calls it")
 
     def on_so(self) -> None:
-        """Register with the task."""
+        """Join the task; after on_os it is left."""
         self.cyclic_caller.add_module(self.object_id)
-        leave = contextlib.ExitStack()
-        leave.callback(self._leave)
-        self.enter(leave)
+        left = contextlib.ExitStack()
+        left.callback(self.leave_task)
+        self.enter(left)
 
-    def on_os(self) -> None:
-        """Leave the task."""
-        self._leave()
-
-    def _leave(self) -> None:
+    def leave_task(self) -> None:
+        """Leave the task (RemoveModuleFromCaller), for those who want it to happen at a certain moment of on_os."""
         with contextlib.suppress(AdsError):
             self.cyclic_caller.remove_module(self.object_id)
 
