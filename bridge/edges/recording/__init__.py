@@ -2,6 +2,7 @@
 
 from bridge.edges.recording.carried import Carried, carried
 from bridge.edges.recording.convert import Converted, convert
+from bridge.edges.recording.copying import Copied, copy_part
 from bridge.edges.recording.frames import Damage
 from bridge.edges.recording.info import ChannelInfo, RecordingInfo, scan, summary
 from bridge.edges.recording.layout import (
@@ -16,6 +17,7 @@ from bridge.edges.recording.layout import (
     RejectedPayload,
     StateFrame,
 )
+from bridge.edges.recording.moment import standing_at
 from bridge.edges.recording.reader import (
     EVERYTHING,
     Part,
@@ -29,7 +31,8 @@ from bridge.edges.recording.reader import (
 )
 from bridge.edges.recording.recovery import Recovered, leftovers, recover
 from bridge.edges.recording.series import Series, read_series
-from bridge.edges.recording.tally import EventCount, Totals
+from bridge.edges.recording.standing import Standing
+from bridge.edges.recording.tally import Active, EventCount, Totals
 from bridge.edges.recording.viewer import Viewer
 from bridge.edges.recording.writer import RecordingWriter
 
@@ -37,12 +40,14 @@ __all__ = [
     "ACTIVE_SUFFIX",
     "EVERYTHING",
     "About",
+    "Active",
     "Attachment",
     "Carried",
     "ChannelInfo",
     "Completeness",
     "Compression",
     "Converted",
+    "Copied",
     "Damage",
     "EventChannel",
     "EventCount",
@@ -60,15 +65,18 @@ __all__ = [
     "Recovered",
     "RejectedPayload",
     "Series",
+    "Standing",
     "StateFrame",
     "Totals",
     "Viewer",
     "carried",
     "convert",
+    "copy_part",
     "leftovers",
     "read_events",
     "read_series",
     "recover",
     "scan",
+    "standing_at",
     "summary",
 ]
