@@ -12,7 +12,6 @@ declarations meet: in one process, with the one written into the decorator, and 
 Rule 4: a new version gets an id of its own and names what it hides. Who offers a derived interface offers its bases too.
 """
 
-import hashlib
 import inspect
 import typing
 from collections.abc import Callable, Mapping
@@ -24,6 +23,7 @@ import msgspec
 from bridge.core.arguments import guid
 from bridge.core.hresult import ADS_E_EXCEPTION, ADS_E_INVALIDPARM, S_OK, AdsError, raise_if_failed
 from bridge.tccom.identity import InterfaceId
+from bridge.tccom.shapes import fingerprint as fingerprint_of
 
 T = TypeVar("T")
 
@@ -106,30 +106,6 @@ def _method(owner: type, function: FunctionType) -> Method:
     return Method(function.__name__, arguments, typing.get_args(returns)[0])
 
 
-def _fingerprint(methods: Mapping[str, Method]) -> str:
-    kinds = [kind for method in methods.values() for kind in (method.arguments, method.returns)]
-    schemas = msgspec.json.schema_components(kinds, schema_hook=_anything)
-    text = msgspec.json.encode([list(methods), _without_prose(schemas)], order="deterministic")
-    return hashlib.sha256(text).hexdigest()[:16]
-
-
-def _anything(kind: type) -> dict[str, object]:
-    """Plain data of any kind, which msgspec reads and writes but does not describe."""
-    if kind is object:
-        return {"$comment": "any"}
-    raise NotImplementedError
-
-
-def _without_prose(schema: object) -> object:
-    match schema:
-        case dict():
-            return {key: _without_prose(value) for key, value in schema.items() if key not in ("title", "description")}
-        case list() | tuple():
-            return [_without_prose(item) for item in schema]
-        case _:
-            return schema
-
-
 def interface(interface_id: str, *, hides: tuple[Interface[object], ...] = (), fingerprint: str = "") -> Callable[[T], T]:
     """Declare a Protocol as an interface; InterfaceChangedError, or TypeError for a method that cannot be called over a bus.
 
@@ -143,7 +119,8 @@ def interface(interface_id: str, *, hides: tuple[Interface[object], ...] = (), f
         for name, value in vars(protocol).items():
             if isinstance(value, FunctionType) and not name.startswith("_"):
                 methods[name] = _method(protocol, value)
-        mark, iid = _fingerprint(methods), guid(interface_id)
+        mark = fingerprint_of([(one.name, one.arguments, one.returns) for one in methods.values()])
+        iid = guid(interface_id)
         known = _DECLARED.get(iid)
         for expected in (fingerprint, "" if known is None else known.fingerprint):
             if expected not in ("", mark):
