@@ -92,6 +92,10 @@ def record(
     around: Around = AROUND_IT,
     compression: Annotated[Packing, Parameter(help="How chunks are packed.", group=FILES, show_default=True)] = "zstd",
     fsync: Annotated[bool, Parameter(help="Make every flush wait for the disk.", group=FILES)] = False,
+    viewer: Annotated[
+        bool,
+        Parameter(help="Put beside the events what viewers such as Foxglove show.", negative=("--no-viewer",), group=FILES),
+    ] = True,
     comment: Annotated[str, Parameter(help="A text that explains the recording; it is in the file.", group=FILES)] = "",
     name: Annotated[str, Parameter(help="What 'tcbridge control' calls it. Default: after PATH.", group=BUS)] = "",
     common: Common = COMMON,
@@ -113,6 +117,7 @@ def record(
     """
     from bridge.cli import program_version
     from bridge.core.filters.fields import quoted
+    from bridge.edges.recording import Viewer
     from bridge.recorder import Keep, Recorder, Split
     from bridge.texts import Texts as BusTexts
 
@@ -139,6 +144,7 @@ def record(
                 fsync=fsync,
                 comment=comment,
                 version=program_version(),
+                viewer=Viewer(texts.known, settings.lang, known) if viewer else None,
                 attachments=_attachments(settings, loaded),
                 told=lambda news: _tell(news, as_json=common.json),
             )

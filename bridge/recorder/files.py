@@ -25,6 +25,7 @@ from bridge.edges.recording import (
     RecordingError,
     RecordingWriter,
     Totals,
+    Viewer,
 )
 from bridge.edges.recording.folder import Keep, RecordingFolder
 from bridge.edges.recording.tally import joined
@@ -79,6 +80,7 @@ class Files:
         sync: bool = False,
         split: Split | None = None,
         keep: Keep | None = None,
+        viewer: Viewer | None = None,
         told: Callable[[News], None] = lambda news: None,
     ) -> None:
         """path: a file that ends in .mcap, else a folder, which is held until close(). RecordingError as RecordingFolder's.
@@ -89,6 +91,7 @@ class Files:
         self.states = States()
         self._choice, self._about, self._told = choice, about, told
         self._attachments, self._compression, self._sync = tuple(attachments), compression, sync
+        self._viewer = viewer
         self._split, self._keep = split or Split(), keep or Keep()
         single = path.suffix == ".mcap"
         if single and (self._split != Split() or self._keep != Keep()):
@@ -127,7 +130,12 @@ class Files:
         )
         self._make_room()
         self._writer = RecordingWriter(
-            path, about=about, attachments=self._attachments, compression=self._compression, sync=self._sync
+            path,
+            about=about,
+            attachments=self._attachments,
+            compression=self._compression,
+            sync=self._sync,
+            viewer=self._viewer,
         )
         self._in_this = 0
         self._due_ns = at_ns + round(self._split.seconds * NS_PER_S) if self._split.seconds else 0

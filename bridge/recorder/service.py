@@ -33,6 +33,7 @@ from bridge.edges.recording import (
     Compression,
     RecordingError,
     Totals,
+    Viewer,
     leftovers,
     recover,
 )
@@ -79,6 +80,7 @@ class Recorder:
         comment: str = "",
         version: str = "",
         attachments: Iterable[Attachment] = (),
+        viewer: Viewer | None = None,
         queue_events: int = QUEUE_EVENTS,
         resolve_class: Callable[[str], Sequence[str]] | None = None,
         told: Callable[[News], None] = lambda news: None,
@@ -89,8 +91,8 @@ class Recorder:
         path: one file, ending in .mcap, or a folder, in which files are called after their start; capture and split need a
         folder. RecordingError when the file exists, the folder is another recorder's, or nothing can be written there;
         ValueError for choices that do not go together; filter errors as a Listener's. fsync makes every flush wait for the
-        disk. queue_events bounds the memory between bus and disk. told is called, on the writing thread and here, with what
-        became of files; it must be quick.
+        disk. With a viewer what viewers show is beside the events. queue_events bounds the memory between bus and disk. told
+        is called, on the writing thread and here, with what became of files; it must be quick.
         """
         path = Path(path)
         if capture is not None and path.suffix == ".mcap":
@@ -124,6 +126,7 @@ class Recorder:
             sync=fsync,
             split=split,
             keep=keep,
+            viewer=viewer,
             told=told,
         )
         try:

@@ -130,6 +130,11 @@ class Viewer:
         self._open: dict[AlarmKey, AlarmEvent | Alarm] = {}
         self._told: dict[AlarmKey, int] = {}
 
+    def begin(self) -> None:
+        """Begin a file. What was open before it comes again with its keyframe."""
+        self._open.clear()
+        self._told.clear()
+
     def state(self, alarms: Iterable[Alarm]) -> None:
         """Take a keyframe: lives that began before it are told when they end, finished ones no more."""
         for alarm in alarms:

@@ -112,6 +112,8 @@ class RecordingWriter:
         self._own_channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._viewer = viewer
+        if viewer is not None:
+            viewer.begin()
         self._unexplained: dict[str, AnyEvent] = {}
         self._tally = Tally()
         self._done = False

@@ -185,6 +185,19 @@ def test_lives_that_began_before_the_recording_come_from_the_keyframe() -> None:
     assert lasted(spans([jam(AlarmRaised, 10, WAIT, raised=10)], [waiting])) == [(0, 4)]
 
 
+def test_a_file_begins_with_its_keyframe(tmp_path: Path) -> None:
+    """What happened between two files of a capture is not made up: what was open in one is forgotten in the next."""
+    eyes = viewer()
+    with RecordingWriter(tmp_path / "a.mcap", viewer=eyes) as writer:
+        record(writer, jam(AlarmRaised, 0), START)
+    with RecordingWriter(tmp_path / "b.mcap", viewer=eyes) as writer:
+        record(writer, jam(AlarmRaised, 90, raised=90), START)
+        record(writer, jam(AlarmCleared, 95, raised=90, cleared=95), START)
+    with open(tmp_path / "b.mcap", "rb") as file:
+        (span,) = [json.loads(raw.data) for _, _, raw in make_reader(file).iter_messages(topics=["/alarms"])]
+    assert lasted([span]) == [(90, 95)]
+
+
 def test_a_loss_is_told_to_viewers_too() -> None:
     """A log without it would look complete: gaps and rejected payloads are warnings of the target."""
     gap = json.loads(viewer().gap(GAP, START).data)
