@@ -464,6 +464,11 @@ class Publisher:
         self.close()
 
 
+def new_logger_session() -> str:
+    """A session id that starts with the time in microseconds: of two loggers the older one has the smaller id."""
+    return f"{time.time_ns() // 1000:013x}"[-13:] + os.urandom(2).hex()[:3]
+
+
 def default_source(object_id: int | None, *, depth: int) -> Source:
     """The source of events without one: the qualified name of the code `depth` frames up, and the object id."""
     frame = sys._getframe(depth)

@@ -1,8 +1,9 @@
 """`tcbridge replay`: a recording into a fresh logger, or onto the bus."""
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import msgspec
 from cyclopts import Group, Parameter
@@ -11,20 +12,63 @@ from bridge.cli.exits import Exit, Usage
 from bridge.cli.options import COMMON, Common, catalog, note, open_bus, parse_filter
 from bridge.cli.progress import counting
 from bridge.cli.show import View, clean, print_json
+from bridge.cli.signals import Interrupted
 from bridge.core import keys
+from bridge.core.times import NS_PER_S
 
 if TYPE_CHECKING:
     from bridge.config import Settings
+    from bridge.core.catalog import Catalog
     from bridge.core.filters.ast import Expr
     from bridge.logger.compare import Comparison, State
-    from bridge.replayer import ReplayReport
+    from bridge.replayer import ReplayReport, Sink, Span
 
 HOW = Group("Replay", sort_key=10)
+PART = Group("Which part", sort_key=11)
 SHOWN_DIFFERENCES = 20
+_STEP_S = 0.1
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Chosen:
+    """Which part of a recording, and under which names."""
+
+    start: Annotated[str | None, Parameter(help="From here on: seconds from the start, or a time.", group=PART)] = None
+    end: Annotated[str | None, Parameter(help="Up to here: seconds from the start, or a time.", group=PART)] = None
+    duration: Annotated[float | None, Parameter(help="Only so many seconds of it.", group=PART)] = None
+    filter: Annotated[str, Parameter(help="Which events, e.g. 'is_alarm'. Default: all.", group=PART)] = ""
+    remap: Annotated[tuple[str, ...], Parameter(help="Rename a target, OLD=NEW; repeat it.", group=PART)] = ()
+
+    def times(self, span: "Span") -> tuple[int | None, int | None]:
+        """From when on and before when, in Unix ns."""
+        start = None if self.start is None else span.place(self.start)
+        end = None if self.end is None else span.place(self.end)
+        if self.duration is not None:
+            if end is not None or not self.duration > 0:
+                raise Usage("--duration is above 0, and stands in place of --end")
+            end = (span.first_ns if start is None else start) + int(self.duration * NS_PER_S)
+        if end is not None and end <= (span.first_ns if start is None else start):
+            raise Usage("the end is not after the start")
+        return start, end
+
+    def names(self, span: "Span") -> dict[str, str]:
+        """Targets by their new names."""
+        from bridge.replayer import check_remap
+
+        pairs = [text.partition("=") for text in self.remap]
+        if wrong := [text for text, (old, _, new) in zip(self.remap, pairs, strict=True) if not old or not new]:
+            raise Usage(f"--remap {wrong[0]}: expected OLD=NEW")
+        names = {old: new for old, _, new in pairs}
+        check_remap(names, span.targets)
+        return names
+
+
+CHOSEN = Chosen()
 
 
 def replay(
-    files: Annotated[tuple[Path, ...], Parameter(name="FILE", help="Recordings, in their order.", negative=(), required=True)],
+    files: Annotated[tuple[Path, ...], Parameter(name="FILE", help="Recordings; several are one.", negative=(), required=True)],
     /,
     *,
     into: Annotated[
@@ -35,46 +79,84 @@ def replay(
         Parameter(help="Compare the outcome with a state (.json, see demo --keep) or a logger's cache file.", group=HOW),
     ] = None,
     rate: Annotated[float, Parameter(help="Speed on the bus; 0 is as fast as it can.", group=HOW, show_default=True)] = 1.0,
-    filter: Annotated[str, Parameter(help="Which events, e.g. 'is_alarm'. Default: all.", group=HOW)] = "",
+    loop: Annotated[bool, Parameter(help="Start over at the end, until stopped.", group=HOW)] = False,
+    paused: Annotated[bool, Parameter(help="Stand still at the start, until told to go on.", group=HOW)] = False,
+    name: Annotated[str | None, Parameter(help="What control calls it. Default: the realm.", group=HOW)] = None,
     wait: Annotated[float, Parameter(help="Seconds to wait for somebody who listens.", group=HOW, show_default=True)] = 1.0,
     live: Annotated[bool, Parameter(help="Replay into the realm live. Asks first, or needs --yes.", group=HOW)] = False,
     yes: Annotated[bool, Parameter(help="Do not ask.", group=HOW)] = False,
     dry_run: Annotated[bool, Parameter(help="Read the files and say what would be replayed.", group=HOW)] = False,
+    chosen: Chosen = CHOSEN,
     common: Common = COMMON,
 ) -> int:
     """Play a recording into a fresh logger or onto the bus.
 
     On the bus it goes into a realm of its own, replay-<8 hex>, which is printed
-    first; --realm names another. With --into or --against no bus is used.
-    --against says whether the replay equals that state: exit code 0, or 1 with
-    every difference named. Exit code 3: something is missing in the files.
+    first; --realm names another. It is told to pause, step or seek by control, or
+    by keys (? lists them). With --into or --against no bus is used. --against says
+    whether the replay equals that state: exit code 0, or 1 with every difference
+    named. Exit code 3: something is missing in the files.
 
     Try:
         tcbridge replay plant.mcap --rate 10
+        tcbridge replay plant.mcap --start 3600 --duration 60 --remap plc1=test1
         tcbridge replay plant.mcap --into yesterday.db
         tcbridge replay demo/demo.mcap --against demo/live.json
     """
+    from bridge.replayer import span_of
+
     settings = common.load()
     known = catalog(settings)
-    expr = parse_filter(filter, known)
-    view = View(known, settings.lang)
+    expr = parse_filter(chosen.filter, known)
     if not rate >= 0:
         raise Usage(f"--rate {rate} is negative")
     for file in (*files, *([against] if against is not None else [])):
         if not file.is_file():
             raise Usage(f"{file}: no such file")
-    total = _total(files)
+    part = _Part(files, expr, span_of(files), chosen)
     if dry_run:
-        return _dry_run(files, expr, total, as_json=common.json)
+        return _dry_run(part, as_json=common.json)
     if into is not None or against is not None:
-        return _into_book(files, expr, total, into, against, view, as_json=common.json)
-    return _onto_bus(files, expr, total, settings, _realm(common, live=live, yes=yes), rate, wait, as_json=common.json)
+        if loop or paused or name:
+            raise Usage("--loop, --paused and --name are for a replay onto the bus")
+        return _into_book(part, into, against, View(known, settings.lang), as_json=common.json)
+    how = _How(_realm(common, live=live, yes=yes), name, rate, wait, loop, paused)
+    return _onto_bus(part, how, settings, known, as_json=common.json)
 
 
-def _total(files: tuple[Path, ...]) -> int:
-    from bridge.edges.recording import summary
+class _Part:
+    """What is replayed."""
 
-    return sum(summary(file).totals.events for file in files)
+    def __init__(self, files: tuple[Path, ...], expr: "Expr", span: "Span", chosen: Chosen) -> None:
+        self.files, self.expr, self.span = files, expr, span
+        self.start_ns, self.end_ns = chosen.times(span)
+        self.remap = chosen.names(span)
+
+    def fold(self, sink: "Sink", word: str) -> "ReplayReport":
+        """Fold it into something."""
+        from bridge.replayer import replay_into
+
+        with counting(word, self.span.events) as show:
+            return replay_into(
+                self.files,
+                sink,
+                self.expr,
+                start_ns=self.start_ns,
+                end_ns=self.end_ns,
+                remap=self.remap,
+                on_progress=lambda report: show(report.events),
+            )
+
+
+class _How(NamedTuple):
+    """How it is played on the bus."""
+
+    realm: str | None
+    name: str | None
+    rate: float
+    wait: float
+    loop: bool
+    paused: bool
 
 
 def _realm(common: Common, *, live: bool, yes: bool) -> str | None:
@@ -90,12 +172,8 @@ def _realm(common: Common, *, live: bool, yes: bool) -> str | None:
     return realm
 
 
-def _dry_run(files: tuple[Path, ...], expr: "Expr", total: int, *, as_json: bool) -> int:
-    from bridge.replayer import replay_into
-
-    with counting("reading", total) as show:
-        report = replay_into(files, _Nothing(), expr, on_progress=lambda report: show(report.events))
-    return _tell(report, "would replay", as_json=as_json)
+def _dry_run(part: _Part, *, as_json: bool) -> int:
+    return _tell(part.fold(_Nothing(), "reading"), "would replay", as_json=as_json)
 
 
 class _Nothing:
@@ -108,24 +186,14 @@ class _Nothing:
         """Pass over a keyframe."""
 
 
-def _into_book(
-    files: tuple[Path, ...],
-    expr: "Expr",
-    total: int,
-    into: Path | None,
-    against: Path | None,
-    view: View,
-    *,
-    as_json: bool,
-) -> int:
+def _into_book(part: _Part, into: Path | None, against: Path | None, view: View, *, as_json: bool) -> int:
+    from bridge.edges.cache import Cache
     from bridge.logger import Book
     from bridge.logger.compare import compare, state_of
-    from bridge.replayer import replay_into
 
     other = None if against is None else _read_state(against)
-    with Book(None, ":memory:" if into is None else into) as book:
-        with counting("replaying", total) as show:
-            report = replay_into(files, book, expr, on_progress=lambda report: show(report.events))
+    with Book(None, Cache(":memory:" if into is None else into, max_bytes=sys.maxsize)) as book:
+        report = part.fold(book, "replaying")
         book.flush()
         state = state_of(book)
     if as_json:
@@ -165,36 +233,44 @@ def show_comparison(found: "Comparison", *, as_json: bool) -> int:
     return Exit.OK if found.equal else Exit.NO
 
 
-def _onto_bus(
-    files: tuple[Path, ...],
-    expr: "Expr",
-    total: int,
-    settings: "Settings",
-    realm: str | None,
-    rate: float,
-    wait: float,
-    *,
-    as_json: bool,
-) -> int:
-    from bridge.replayer import new_realm, replay_to_bus
+def _onto_bus(part: _Part, how: _How, settings: "Settings", known: "Catalog", *, as_json: bool) -> int:
+    from bridge.cli.keyboard import keyboard
+    from bridge.replayer import Player
 
-    realm = realm or new_realm()
-    with open_bus(settings) as bus, counting("replaying", total) as show:
-        if as_json:
-            print_json({"replaying": [str(file) for file in files], "realm": realm, "rate": rate})
-        else:
-            print(f"replaying {total:,} events in realm {realm}", flush=True)
-        report = replay_to_bus(
-            files,
+    with open_bus(settings) as bus, counting("replaying", 0 if how.loop else part.span.events) as show:
+        player = Player(
             bus,
-            expr,
-            realm=realm,
-            rate=rate,
+            part.files,
+            part.expr,
+            realm=how.realm,
+            name=how.name,
+            start_ns=part.start_ns,
+            end_ns=part.end_ns,
+            rate=how.rate,
+            loop=how.loop,
+            paused=how.paused,
+            remap=part.remap,
+            catalog=known,
             encoding=settings.wire_encoding,
-            wait_for_listener_s=wait,
+            wait_for_listener_s=how.wait,
             on_progress=lambda report: show(report.events),
         )
-    return _tell(report, "replayed", where=f"in realm {realm}", as_json=as_json)
+        try:
+            if as_json:
+                told = {"realm": player.realm, "name": player.control.name, "rate": how.rate}
+                print_json({"replaying": [str(file) for file in part.files], **told})
+            else:
+                named = "" if player.control.name == player.realm else f", as {player.control.name}"
+                print(f"replaying {part.span.events:,} events in realm {player.realm}{named}", flush=True)
+            with keyboard(player):
+                while not player.wait(_STEP_S):
+                    pass
+        except Interrupted:
+            if not how.loop:
+                raise
+        finally:
+            report = player.close()
+    return _tell(report, "replayed", where=f"in realm {player.realm}", as_json=as_json)
 
 
 def _tell(report: "ReplayReport", verb: str, *, where: str = "", as_json: bool) -> int:

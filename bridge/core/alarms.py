@@ -371,17 +371,17 @@ class AlarmTable:
             self._replaced = (self._replaced | former) - {session, ""}
             self._base[session] = (target, seq)
 
-    def refresh(self, alarms: Iterable[Alarm], session: str, seq: int, target: str) -> None:
-        """Take over a recorded snapshot, which may stand anywhere among the events of its session.
+    def refresh(self, alarms: Iterable[Alarm], session: str, seq: int, target: str) -> bool:
+        """Take over a recorded snapshot, which may stand anywhere among the events of its session; False when it is stale.
 
         What later events of the session said stays, what else differs is corrected: so a gap ends at the next snapshot. A
         session not heard of yet replaces what is known, one that was replaced says nothing any more.
         """
         if session in self._replaced:
-            return
+            return False
         if session not in self._base and not any(session in seen for key, seen in self._seen.items() if key.target == target):
             self.load(alarms, session, seq, target)
-            return
+            return True
         told = {alarm.key: alarm for alarm in alarms}
         former = {alarm.session for alarm in told.values()}
         for key in {key for key in (*self._seen, *self.alarms) if key.target == target} | told.keys():
@@ -398,6 +398,7 @@ class AlarmTable:
                 seen[alarm.session] = max(last, alarm.seq)
         self._replaced = (self._replaced | former) - {session, ""}
         self._base[session] = (target, max(seq, self.base(session)))
+        return True
 
     def apply(self, event: AlarmEvent) -> bool:
         """Fold one event in; False when it was seen before or is stale."""

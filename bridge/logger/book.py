@@ -121,6 +121,7 @@ class Book:
         """Fold one recorded event in as it was, with its own numbers. NotFreshError in a book that was not empty at first."""
         self._check_fresh()
         with self.lock:
+            self.cache.clock = lambda: arrival_ns  # what is too old is told by replay time
             self._waiting.append(self.logbook.replay(event, arrival_ns))
             if len(self._waiting) >= BATCH:
                 self._write_waiting()

@@ -2,7 +2,8 @@
 
 Rule 1: alarms are compared by key: raised, confirmation state and the three times. An alarm that was never raised is no part
 of the state, for no event told of it.
-Rule 2: events are compared by target, session and seq, with everything in them. Unique ids and arrival times are not compared.
+Rule 2: events are compared by target, session and seq, with everything in them but the mark that they are replayed (origin).
+Unique ids and arrival times are not compared.
 """
 
 from collections.abc import Iterable, Iterator
@@ -11,10 +12,11 @@ from typing import Final
 import msgspec
 
 from bridge.core.alarms import Alarm, AlarmKey
-from bridge.core.events import AnyEvent
+from bridge.core.events import AnyEvent, Event
 from bridge.core.questions import LogQuestion
 from bridge.logger.book import Book
 
+EVENT_FIELDS: Final = tuple(field for field in Event.__struct_fields__ if field != "origin")
 ALARM_FIELDS: Final = ("raised", "confirmation_state", "time_raised_ns", "time_cleared_ns", "time_confirmed_ns")
 _SHOWN: Final = 60
 
@@ -75,7 +77,7 @@ def _event_differences(
         elif type(one) is not type(other):
             yield f"{name}: kind is {one.kind} live, {other.kind} replayed"
         else:
-            yield from _field_differences(f"{name} ({one.kind} {one.event_class} {one.event_id})", one, other)
+            yield from _field_differences(f"{name} ({one.kind} {one.event_class} {one.event_id})", one, other, EVENT_FIELDS)
 
 
 def _alarm_differences(live: dict[AlarmKey, Alarm], replayed: dict[AlarmKey, Alarm]) -> Iterator[str]:
@@ -88,10 +90,8 @@ def _alarm_differences(live: dict[AlarmKey, Alarm], replayed: dict[AlarmKey, Ala
             yield from _field_differences(name, one, other, ALARM_FIELDS)
 
 
-def _field_differences(
-    name: str, one: AnyEvent | Alarm, other: AnyEvent | Alarm, fields: Iterable[str] | None = None
-) -> Iterator[str]:
-    for field in one.__struct_fields__ if fields is None else fields:
+def _field_differences(name: str, one: AnyEvent | Alarm, other: AnyEvent | Alarm, fields: Iterable[str]) -> Iterator[str]:
+    for field in fields:
         left, right = getattr(one, field), getattr(other, field)
         if left != right:
             yield f"{name}: {field} is {_text(left)} live, {_text(right)} replayed"

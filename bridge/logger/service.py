@@ -17,7 +17,6 @@ A session id of a logger starts with its start time in microseconds, so that the
 
 import contextlib
 import logging
-import os
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -59,7 +58,7 @@ from bridge.logger.book import Book
 from bridge.logger.commands import Commands
 from bridge.logger.housekeeping import CLEAR_LOG, Housekeeping
 from bridge.logger.presence import SOURCE, loggers, session_of, token_key
-from bridge.publisher import Publisher, PublisherClosedError, QueueFullError, default_source
+from bridge.publisher import Publisher, PublisherClosedError, QueueFullError, default_source, new_logger_session
 from bridge.texts import ClassOffer
 
 log: Final = logging.getLogger(__name__)
@@ -155,7 +154,7 @@ class EventLogger(Commands):
         with contextlib.ExitStack() as opened:
             self.bus = opened.enter_context(open_bus(config)) if bus is None else bus
             _refuse_taken(self.bus, target, realm)
-            self.session = f"{time.time_ns() // 1000:013x}"[-13:] + os.urandom(2).hex()[:3]
+            self.session = new_logger_session()
             self._drops = SimpleQueue[Drop | None]()
             self.book = Book(
                 target,

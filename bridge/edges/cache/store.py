@@ -198,7 +198,7 @@ class Cache(Queries):
         self.path = str(path)
         self.max_bytes, self.max_events, self.max_age_s = max_bytes, max_events, max_age_s
         self.on_dropped, self.quiet_class = on_dropped, quiet_class
-        self._clock = steady_clock() if clock is None else clock
+        self.clock = steady_clock() if clock is None else clock
         self._max_pending = max_pending
         super().__init__(open_file(self.path))
         self._change = threading.Condition()  # guards everything below
@@ -381,7 +381,7 @@ class Cache(Queries):
         elif self.max_events is not None and _holds_more(connection, self.max_events):
             reason, last = "max_events", _half(connection)
         elif self.max_age_s is not None:
-            reason, last = "max_age", _last_before(connection, self._clock() - int(self.max_age_s * 1e9))
+            reason, last = "max_age", _last_before(connection, self.clock() - int(self.max_age_s * 1e9))
         else:
             return None
         if last is None:

@@ -1,0 +1,22 @@
+"""Recordings played: onto the bus, into a book, or up to a moment."""
+
+from bridge.replayer.fold import ReplayReport, Sink, replay_into
+from bridge.replayer.player import Player, new_realm
+from bridge.replayer.scene import Scene, scene_before
+from bridge.replayer.span import RemapError, Span, check_remap, span_of
+from bridge.replayer.stage import LoggerThereError
+
+__all__ = [
+    "LoggerThereError",
+    "Player",
+    "RemapError",
+    "ReplayReport",
+    "Scene",
+    "Sink",
+    "Span",
+    "check_remap",
+    "new_realm",
+    "replay_into",
+    "scene_before",
+    "span_of",
+]
