@@ -28,6 +28,7 @@ DEFAULT_TARGET: Final = "local"
 """The target of a command that needs one when no setting names it."""
 
 EncodingName: TypeAlias = Literal["json", "msgpack"]
+SystemErrors: TypeAlias = Literal["none", "own", "host"]
 SyslogTypes: TypeAlias = Literal["none", "messages", "alarms", "both"]
 SeverityName: TypeAlias = Literal["verbose", "info", "warning", "error", "critical"]
 _ENCODINGS: Final[dict[EncodingName, codec.Encoding]] = {"json": codec.JSON, "msgpack": codec.MSGPACK}
@@ -52,6 +53,7 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     max_events: int = 0
     max_age: float = 0.0
     durable: bool = False
+    system_errors: SystemErrors = "none"
     syslog_types: SyslogTypes = "none"
     syslog_severity: SeverityName = "verbose"
     syslog_address: str = "/dev/log"
@@ -84,6 +86,7 @@ HELP: Final = {
     "max_events": "Events of the log; half goes when there are more. 0: no limit.",
     "max_age": "Seconds that an event stays in the log. 0: no limit.",
     "durable": "Answer commands only when they are safe from a power cut.",
+    "system_errors": "Errors that become events: none, own (of the logger's program) or host (and the machine's).",
     "syslog_types": "What goes into the system's log: none, messages, alarms or both.",
     "syslog_severity": "The lowest severity that goes into the system's log.",
     "syslog_address": "Where the system's log is: a path, or HOST:PORT (UDP).",

@@ -57,6 +57,7 @@ _ERRORS: Final[dict[str, Exit]] = {
     "NameTakenError": Exit.NO,
     "LoggerThereError": Exit.NO,
     "DemoError": Exit.NO,
+    "JournalError": Exit.NO,
     "QueueFullError": Exit.LOST,
     "BusError": Exit.UNKNOWN,
     "NoLoggerError": Exit.UNKNOWN,

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 from cyclopts import Group, Parameter
 
+from bridge import config
 from bridge.cli.exits import Exit, Usage
 from bridge.cli.options import COMMON, Common, catalog, note, open_bus
 from bridge.cli.show import print_json
@@ -31,6 +32,7 @@ def serve(
         bool, Parameter(help="Rename a cache file that is damaged or another program's, and begin a new one.", group=LOGGER)
     ] = False,
     durable: Annotated[bool | None, Parameter(help=HELP["durable"], group=LOGGER, negative="")] = None,
+    system_errors: Annotated[config.SystemErrors | None, Parameter(help=HELP["system_errors"], group=LOGGER)] = None,
     common: Common = COMMON,
 ) -> int:
     """Run the logger of a target until stopped.
@@ -42,6 +44,7 @@ def serve(
     Try:
         tcbridge serve --target plc1 --cache plc1.db
     """
+    from bridge.gateways.system_errors import SystemErrors
     from bridge.logger import EventLogger
 
     settings = common.load(
@@ -50,6 +53,7 @@ def serve(
         max_events=max_events,
         max_age=max_age,
         durable=durable,
+        system_errors=system_errors,
     )
     known = catalog(settings)
     with open_bus(settings) as bus, _open_cache(settings, move_aside_bad_cache) as kept:
@@ -65,12 +69,13 @@ def serve(
         )
         unsent = 0
         try:
-            if common.json:
-                print_json({"ready": "logger", "target": logger.target, "realm": logger.realm, "session": logger.session})
-            else:
-                where = settings.cache or "memory"
-                print(f"logger of {logger.target} in realm {logger.realm} is ready, log in {where}", flush=True)
-            wait_for_signal()
+            with SystemErrors(logger.target, logger.report, settings.system_errors):
+                if common.json:
+                    print_json({"ready": "logger", "target": logger.target, "realm": logger.realm, "session": logger.session})
+                else:
+                    where = settings.cache or "memory"
+                    print(f"logger of {logger.target} in realm {logger.realm} is ready, log in {where}", flush=True)
+                wait_for_signal()
         except Interrupted:
             pass
         finally:

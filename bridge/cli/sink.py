@@ -1,5 +1,6 @@
 """`tcbridge sink syslog`: events into the log of the system."""
 
+import threading
 from typing import Annotated, Final, TypeAlias
 
 from cyclopts import Group, Parameter
@@ -8,7 +9,7 @@ from bridge import config
 from bridge.cli.exits import Exit, Usage
 from bridge.cli.options import COMMON, Common, catalog, note, open_bus, parse_filter
 from bridge.cli.show import print_json
-from bridge.cli.signals import Interrupted
+from bridge.cli.signals import Interrupted, wait_for_signal
 
 SINK: Final = Group("System log", sort_key=10)
 _Types: TypeAlias = Annotated[config.SyslogTypes | None, Parameter(help=config.HELP["syslog_types"], group=SINK)]
@@ -29,7 +30,8 @@ def syslog(
 
     One line per event, in --lang. As in TwinCAT it is off by default: say what
     to write with --syslog-types. A log that is not there stops nothing; lines
-    that could not be written are counted, and the exit code is then 3.
+    that could not be written are counted, and the exit code is then 3. When it
+    is stopped it writes what has come, for one second.
 
     Try:
         tcbridge sink syslog --syslog-types both --syslog-severity warning
@@ -72,12 +74,13 @@ def syslog(
                     print_json({"ready": "syslog", "address": chosen.address, "types": chosen.types})
                 else:
                     print(f"{chosen.types} from {settings.syslog_severity} upwards go to {chosen.address}", flush=True)
-                sink.run()
+                threading.Thread(target=sink.run, name="sink", daemon=True).start()
+                wait_for_signal()
             except Interrupted:
                 pass
     counters = sink.counters
     if common.json:
-        print_json({"stopped": "syslog", "written": counters.written, "failed": counters.failed})
+        print_json({"stopped": "syslog", "written": counters.written, "failed": counters.failed, "left": counters.left})
     else:
-        print(f"{counters.written:,} lines written, {counters.failed:,} not", flush=True)
-    return Exit.LOST if counters.failed else Exit.OK
+        print(f"{counters.written:,} lines written, {counters.failed + counters.left:,} not", flush=True)
+    return Exit.LOST if counters.failed or counters.left else Exit.OK

@@ -7,7 +7,8 @@ Rule 2: a report is never about reports alone, so that dropping one does not mak
 |----|--------------|----------|------------------------------------------------------------------|
 | 1  | CacheDropped | Warning  | how many events, why (max_bytes, max_age, max_events)             |
 | 2  | LogCleared   | Info     | how many events, operator, client, comment                       |
-| 3  | SourceGone   | Warning  | how many alarms are suspect now, client that raised the last      |
+| 3  | SourceGone   | Warning  | how many alarms are suspect now, client that raised the last     |
+| 4  | SystemError  | Error    | what, where; its severity is that of the error                   |
 """
 
 from typing import Final
@@ -20,7 +21,8 @@ OWN_CLASS: Final = "7c1b6f0e-54c3-4b52-9b0a-7463627269d6"
 CACHE_DROPPED: Final = 1
 LOG_CLEARED: Final = 2
 SOURCE_GONE: Final = 3
-SHOWN_CHARS: Final = 80
+SYSTEM_ERROR: Final = 4
+SHOWN_BYTES: Final = 200
 """Of a text in the arguments of an event of ours; operator, client and comment are whole in its own fields."""
 
 _DROPPED: Final = "The log dropped its {0} oldest events ({1})"
@@ -33,6 +35,7 @@ OWN_EVENTS: Final = EventClass(
     events={
         CACHE_DROPPED: EventEntry(CACHE_DROPPED, "CacheDropped", Severity.WARNING, _DROPPED),
         LOG_CLEARED: EventEntry(LOG_CLEARED, "LogCleared", Severity.INFO, _CLEARED),
+        SYSTEM_ERROR: EventEntry(SYSTEM_ERROR, "SystemError", Severity.ERROR, "{0} [{1}]"),
         SOURCE_GONE: EventEntry(SOURCE_GONE, "SourceGone", Severity.WARNING, _GONE),
     },
     translations={
@@ -47,7 +50,7 @@ def own_event(
     target: str, source: str, event_id: int, *arguments: int | str, operator: str = "", client: str = "", comment: str = ""
 ) -> MessageSent:
     """A message about ourselves, not yet numbered, from the part `source` of us (tcbridge.cache). Long texts are cut."""
-    shown = [item[:SHOWN_CHARS] if isinstance(item, str) else item for item in arguments]
+    shown = [_cut(item) if isinstance(item, str) else item for item in arguments]
     return MessageSent(
         target=target,
         event_class=OWN_CLASS,
@@ -59,3 +62,7 @@ def own_event(
         client=client,
         comment=comment,
     )
+
+
+def _cut(text: str) -> str:
+    return text.encode("utf-8", "replace")[:SHOWN_BYTES].decode("utf-8", "ignore")

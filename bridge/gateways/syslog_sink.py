@@ -6,6 +6,7 @@ Rule 2: a line is one line. What a terminal would obey is written as an escape, 
 Rule 3: what a listener says about losses goes into the log too: a log that looks whole must be whole.
 Rule 4: a log that cannot be written to stops nothing. Failures are counted, the first of a row is told, and so is the first
 line that gets through again. UDP tells nobody when nobody listens.
+Rule 5: what has come when it is closed is still written, as far as time allows; what is left is counted.
 
 The line: TARGET KIND CLASS ID: TEXT [SOURCE] TIME, and by whom and why if that is known. Priorities: verbose is debug, info,
 warning, err, crit. The system's own time stamp is that of the arrival; ours is the event's.
@@ -15,6 +16,7 @@ import contextlib
 import logging
 import sys
 import threading
+import time
 from collections.abc import Callable, Sequence
 from logging.handlers import SYSLOG_UDP_PORT, SysLogHandler
 from socket import socket as Socket
@@ -34,6 +36,8 @@ from bridge.notices import Loss, Notice
 from bridge.texts import Texts
 
 SyslogTypes: TypeAlias = Literal["none", "messages", "alarms", "both"]
+IDENT: Final = "tcbridge"
+"""The name of the program in each line."""
 LINE_BYTES: Final = 2048
 """What every syslog receiver should take in one datagram, priority and all (RFC 5426, 3.2)."""
 WRITE_S: Final = 2.0
@@ -85,14 +89,15 @@ class SyslogSettings(msgspec.Struct, frozen=True, kw_only=True):
     filter: Expr = Everything()
     address: str = "/dev/log"
     facility: str = "user"
-    ident: str = "tcbridge"
+    ident: str = IDENT
 
 
 class SyslogCounters(msgspec.Struct):
-    """Lines written, and lines that could not be."""
+    """Lines written, lines that could not be, and what closing left unread."""
 
     written: int = 0
     failed: int = 0
+    left: int = 0
 
 
 class _Handler(SysLogHandler):
@@ -131,6 +136,9 @@ class SyslogSink:
         self._texts, self._catalog = texts, catalog if catalog is not None else Catalog()
         self._on_trouble = on_trouble
         self._failing = False
+        self._until_s = float("inf")
+        self._running = False
+        self._done = threading.Event()
         self._turn = threading.Lock()
         self._handler: _Handler | None = None
         self._listener: Listener | None = None
@@ -149,10 +157,18 @@ class SyslogSink:
 
     def run(self) -> None:
         """Write what comes until close(); returns at once when the sink is off."""
-        if self._listener is None:
-            return
-        while (item := self._listener.get()) is not None:
-            self.write(item)
+        self._running = True
+        try:
+            self._write_all()
+        finally:
+            self._done.set()
+
+    def _write_all(self) -> None:
+        while self._listener is not None and (item := self._listener.get()) is not None:
+            if time.monotonic() < self._until_s:
+                self.write(item)
+            else:
+                self.counters.left += 1
 
     def write(self, item: Item) -> bool:
         """Write one event or notice; whether there was nothing to write, or it was handed over."""
@@ -191,7 +207,7 @@ class SyslogSink:
         handler.error = None
         with contextlib.suppress(OSError):
             if handler.socket is not None:
-                handler.socket.settimeout(WRITE_S)
+                handler.socket.settimeout(max(0.1, min(WRITE_S, self._until_s - time.monotonic())))
         handler.handle(logging.makeLogRecord({"levelno": level, "levelname": logging.getLevelName(level), "msg": text}))
         error: BaseException | None = handler.error
         if error is None:
@@ -209,10 +225,16 @@ class SyslogSink:
         if self._on_trouble is not None:
             self._on_trouble(text)
 
-    def close(self) -> None:
-        """Stop listening; what waits in the queue is left."""
+    def close(self, timeout_s: float = 1.0) -> None:
+        """Stop listening and write what has come, for timeout_s and one more line at most."""
+        if self._handler is None:
+            return
+        self._until_s = time.monotonic() + timeout_s
         if self._listener is not None:
             self._listener.close()
+        if self._running:
+            self._done.wait(max(timeout_s, WRITE_S))
+        self._write_all()
         with self._turn:
             handler, self._handler = self._handler, None
         if handler is not None:

@@ -6,6 +6,7 @@ Rule 3: what the cache refuses is counted (`unstored` events), and alarm states 
 """
 
 import contextlib
+import logging
 import threading
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -27,6 +28,7 @@ from bridge.edges.cache import Cache, CacheError, Drop, StoreBatch, StoredAlarm,
 from bridge.edges.cache import Stored as Row
 from bridge.edges.recording import StateFrame
 
+log: Final = logging.getLogger(__name__)
 BATCH: Final = 1000
 _NEXT_ID: Final = "next_unique_id"
 
@@ -67,6 +69,7 @@ class Book:
         self._catalog = Catalog() if catalog is None else catalog
         self.lock = threading.RLock()
         self.unstored = 0
+        self._refused = False
         left = self.cache.load_alarms(target)
         meta = self.cache.meta()
         self._fresh = not left and _NEXT_ID not in meta
@@ -111,9 +114,15 @@ class Book:
             )
             try:
                 self.cache.append(batch)
-            except CacheError:
+            except CacheError as error:
                 self.unstored += len(events)
+                if not self._refused:
+                    log.error("the log takes nothing: %s", error)
+                self._refused = True
                 return False
+            if self._refused:
+                log.warning("%s takes events again; %d in all were not stored", self.path, self.unstored)
+                self._refused = False
             self._owed.clear()
             return True
 

@@ -183,7 +183,7 @@ class EventLogger(Commands):
                     clock=clock,
                 )
             )
-            self._housekeeping = Housekeeping(self.book, self.session, self._send_own, self._why_unchangeable)
+            self._housekeeping = Housekeeping(self.book, self.session, self.report, self._why_unchangeable)
             self._reporter = threading.Thread(
                 target=self._housekeeping.report_drops, args=(self._drops,), name=f"drops {target}", daemon=True
             )
@@ -196,7 +196,7 @@ class EventLogger(Commands):
             self._offer = ClassOffer(self.bus, target, self.catalog, realm=realm, session=self.session)
             self._watch = self.bus.watch_alive(token_key(target, realm), self._logger_seen)
             self._attendance = Attendance(
-                self.bus, realm, [target], came=self._came, left=self._left, connected=lambda _there: None
+                self.bus, realm, [target], came=self._came, left=self._left, connected=self._connected
             )
             self._own_bus = self.bus if bus is None else None
             opened.pop_all()
@@ -249,10 +249,13 @@ class EventLogger(Commands):
             self.book.store((self.book.logbook.message(event, self._clock()),))
         return event
 
-    def _send_own(self, event: MessageSent) -> None:
-        """Send and store a message about this logger itself."""
+    def report(self, event: MessageSent) -> None:
+        """Send and store a message about this logger or its host (own_events); its time, if not set, is now.
+
+        PublisherClosedError after close().
+        """
         now_ns = self._clock()
-        sent = self.publisher.send(msgspec.structs.replace(event, time_ns=now_ns))
+        sent = self.publisher.send(msgspec.structs.replace(event, time_ns=event.time_ns or now_ns))
         with self.book.lock:
             self.counters.messages += 1
             self.book.store((self.book.logbook.message(sent, now_ns),))
@@ -364,6 +367,7 @@ class EventLogger(Commands):
                 items.append(more)
             now_ns = self._clock()
             changes: list[Changes] = []
+            rejected = ""
             with self.book.lock:
                 for item in items:
                     if isinstance(item, Event):
@@ -372,18 +376,21 @@ class EventLogger(Commands):
                         change = self.book.logbook.arrived(item, now_ns)
                         if change is None:
                             self.counters.rejected += 1
-                            log.warning("%s: alarm transition of session %s rejected", self.target, item.session)
+                            rejected = f"alarm transition of session {item.session}"
                         else:
                             self.counters.received += 1
                             changes.append(change)
                     elif isinstance(item, Rejected):
                         self.counters.rejected += 1
+                        rejected = f"{len(item.raw)} bytes on {item.key}: {item.reason}"
                     elif isinstance(item, Gap):
                         self.counters.missing += item.missing.count
                     elif isinstance(item, Dropped):
                         self.counters.dropped += item.count
                 if changes:
                     self.book.store(changes)
+            if rejected:
+                log.warning("%s: %d rejected so far, the last: %s", self.target, self.counters.rejected, rejected)
 
     def _logger_seen(self, key: str, there: bool) -> None:
         """Another logger of this target came or went."""
@@ -402,6 +409,9 @@ class EventLogger(Commands):
         log.warning("%s: %s", self.target, reason)
         if self._on_read_only is not None:
             self._on_read_only(reason)
+
+    def _connected(self, there: bool) -> None:
+        log.warning("%s: %s", self.target, "the router is there again" if there else "the router is lost")
 
     def _came(self, who: Token) -> None:
         if who.role == SOURCE:
@@ -423,7 +433,7 @@ class EventLogger(Commands):
                 len(changes.alarms),
             )
             with contextlib.suppress(PublisherClosedError, QueueFullError):
-                self._send_own(own_event(self.target, "logger", SOURCE_GONE, len(changes.alarms), client))
+                self.report(own_event(self.target, "logger", SOURCE_GONE, len(changes.alarms), client))
 
     def _mark(self, changes: Changes) -> None:
         if changes.alarms:

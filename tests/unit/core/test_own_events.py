@@ -2,14 +2,15 @@
 
 from bridge.core.arguments import Argument
 from bridge.core.catalog import Catalog
-from bridge.core.own_events import CACHE_DROPPED, LOG_CLEARED, OWN_CLASS, OWN_EVENTS, SOURCE_GONE, own_event
+from bridge.core.events import check_limits
+from bridge.core.own_events import CACHE_DROPPED, LOG_CLEARED, OWN_CLASS, OWN_EVENTS, SOURCE_GONE, SYSTEM_ERROR, own_event
 
 
 def test_the_class_is_fixed() -> None:
     """Logs of years hold this GUID and these ids."""
     assert OWN_CLASS == OWN_EVENTS.guid == "7c1b6f0e-54c3-4b52-9b0a-7463627269d6"
-    assert (CACHE_DROPPED, LOG_CLEARED, SOURCE_GONE) == (1, 2, 3)
-    assert set(OWN_EVENTS.events) == {1, 2, 3}
+    assert (CACHE_DROPPED, LOG_CLEARED, SOURCE_GONE, SYSTEM_ERROR) == (1, 2, 3, 4)
+    assert set(OWN_EVENTS.events) == {1, 2, 3, 4}
 
 
 def test_each_event_has_a_text_in_two_languages() -> None:
@@ -31,6 +32,8 @@ def test_each_event_has_a_text_in_two_languages() -> None:
 
 def test_an_event_of_ours_says_who_and_what() -> None:
     """Its texts are cut, for people; who did it is whole in its own fields."""
-    event = own_event("plc1", "cache", LOG_CLEARED, 5, "o" * 100, "hmi", "why", operator="o" * 100, client="hmi", comment="why")
-    assert [argument.value for argument in event.arguments] == ["5", "o" * 80, "hmi", "why"]
-    assert (event.event_class, event.source_name, event.operator) == (OWN_CLASS, "tcbridge.cache", "o" * 100)
+    event = own_event("plc1", "cache", LOG_CLEARED, 5, "o" * 300, "é\ud800", "why", operator="o" * 300, client="hmi")
+    assert [argument.value for argument in event.arguments] == ["5", "o" * 200, "é?", "why"]
+    assert (event.event_class, event.source_name, event.operator) == (OWN_CLASS, "tcbridge.cache", "o" * 300)
+    widest = own_event("plc1", "cache", LOG_CLEARED, 5, *(["\U0001f600" * 99] * 3))
+    check_limits(widest)

@@ -3,6 +3,7 @@
 import socket
 import threading
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,7 @@ from bridge.logger import EventLogger
 from bridge.notices import BusBack, Rejected
 from bridge.publisher import Publisher
 from bridge.testing.builders import alarm_confirmed, message_sent
-from tests.unit.logger.logger_stories import CLASS, PUMP, alone
+from tests.unit.logger.logger_stories import CLASS, PUMP, alone, eventually
 
 CATALOG = Catalog(
     [
@@ -61,6 +62,11 @@ def test_the_manuals_defaults(bus: Bus) -> None:
     with SyslogSink(bus, settings) as sink:
         sink.run()
         assert not sink.write(message_sent())
+
+
+def has_come(sink: SyslogSink, count: int) -> bool:
+    """Whether so many events have come to it."""
+    return sink._listener is not None and sink._listener.counters.passed == count
 
 
 CHOICES = [
@@ -206,3 +212,35 @@ def test_a_facility_that_does_not_exist(bus: Bus) -> None:
     """The names there are, are listed."""
     with pytest.raises(ValueError, match=r"no facility 'plant'; one of .*local0"):
         SyslogSink(bus, SyslogSettings(types="both", facility="plant"))
+
+
+def test_what_has_come_is_written_when_it_is_closed(bus: Bus, journal: socket.socket) -> None:
+    """All of it, whether run() was at work or not."""
+    settings = SyslogSettings(types="messages", address=str(journal.getsockname()))
+    received: list[str] = []
+    reader = threading.Thread(target=lambda: received.extend(lines(journal, 400)))
+    reader.start()
+    sink, idle = SyslogSink(bus, settings), SyslogSink(bus, settings)
+    threading.Thread(target=sink.run, daemon=True).start()
+    with Publisher(bus, "plc1") as publisher:
+        for number in range(200):
+            publisher.send(message_sent(target="plc1", event_id=number))
+        assert publisher.flush()
+        for each in (sink, idle):
+            assert eventually(partial(has_come, each, 200))
+            each.close(30)
+            assert (each.counters.written, each.counters.left) == (200, 0)
+    reader.join(30)
+    assert len(received) == 400
+
+
+def test_closing_does_not_wait_for_ever(bus: Bus, journal: socket.socket) -> None:
+    """What there is no time for is counted."""
+    sink = SyslogSink(bus, SyslogSettings(types="messages", address=str(journal.getsockname())))
+    with Publisher(bus, "plc1") as publisher:
+        for number in range(50):
+            publisher.send(message_sent(target="plc1", event_id=number))
+        assert publisher.flush()
+        assert eventually(partial(has_come, sink, 50))
+    sink.close(0)
+    assert (sink.counters.written, sink.counters.left) == (0, 50)
