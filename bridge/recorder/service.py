@@ -2,7 +2,7 @@
 
 Rule 1: a listener drains to memory, one thread of ours writes; the drain thread never touches the disk.
 Rule 2: what is lost is in the file, at its place: gaps, what the memory could not hold, payloads that are no events.
-Rule 3: the file is flushed at most TRANSITION_FLUSH_S after an alarm transition was written, and every flush_s.
+Rule 3: the file is flushed TRANSITION_FLUSH_S after an alarm transition was written at the latest, and every flush_s.
 Rule 4: a recorder that cannot write stops loudly: `error` is set, wait() returns, close() raises RecordingError. What was
 flushed stays, and the next recorder of that file or folder recovers it: starting again is how one tells it to go on.
 Rule 5: who asks for something (a pause, a split, a capture) is answered by the writing thread, between two items.
@@ -49,6 +49,8 @@ log: Final = logging.getLogger(__name__)
 
 QUEUE_EVENTS: Final = 1_000_000
 TRANSITION_FLUSH_S: Final = 0.005
+EARLY: Final = 0.8
+"""When a flush begins, as a part of flush_s: so that it has ended by then in spite of a busy moment."""
 BATCH: Final = 256
 """After so many items the time is looked at: they are written in a few ms."""
 SLACK_NS: Final = NS_PER_S // 4
@@ -101,7 +103,7 @@ class Recorder:
         more = {} if capture is None or choice.trigger is None else _capture_texts(capture, choice.trigger)
         self.path, self._told = path, told
         self.error: RecordingError | None = None
-        self._realm, self._flush_s, self._clock = realm, flush_s, clock
+        self._flush_s, self._clock = EARLY * flush_s, clock
         self._steady = SteadyClock.of(clock)
         self._silent: list[str] = []
         self._orders: deque[tuple[Callable[[], None], Future[None]]] = deque()
