@@ -192,3 +192,17 @@ def test_every_transition_and_failure_is_reported() -> None:
         (ReportKind.DONE, "SP", 0),
         (ReportKind.DONE, "PI", 0),
     ]
+
+
+def test_a_real_time_step_that_takes_long_is_reported() -> None:
+    """SO and OS belong to the real-time context: "not for long-running tasks" (manual 8.1.1.2). PS may be slow."""
+    reports: list[Report] = []
+    now = [0]
+
+    def work(_: Scripted) -> None:
+        now[0] += 200_000_000
+
+    with ObjectServer(report=reports.append, clock=lambda: now[0]) as server:
+        server.add(Scripted(PS=work, SO=work), name="slow", state=State.OP)
+    slow = [(one.object_name, one.transition, one.duration_ns) for one in reports if one.kind is ReportKind.SLOW]
+    assert slow == [("slow", "SO", 200_000_000)]

@@ -1,6 +1,7 @@
 """Calls from many threads: an object serves one at a time, and nobody waits for ever."""
 
 import threading
+import time
 from collections.abc import Callable
 from typing import Protocol
 
@@ -244,13 +245,15 @@ def test_closing_does_not_wait_for_an_object_that_is_stuck() -> None:
         inside.set()
         assert go_on.wait(PATIENCE_S)
 
-    server = ObjectServer()
+    server = ObjectServer(patience_s=2 * PATIENCE_S)
     worker = Worker(linger)
     object_id = server.add(worker, state=State.OP)
     stuck = threading.Thread(target=server.get(object_id, IWork).interface.work)
     stuck.start()
     assert inside.wait(PATIENCE_S)
+    begun_s = time.monotonic()
     assert server.close() == 1
+    assert time.monotonic() - begun_s < PATIENCE_S
     go_on.set()
     stuck.join(PATIENCE_S)
     assert server.close() == 0
