@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule, run_state_machine_as_test
 
 from bridge.core.hresult import AdsError
 from bridge.tccom.general import IObject
@@ -263,5 +263,6 @@ class ObjectLaws(RuleBasedStateMachine):
                 assert self.server.object_info(thing.object_id).references == thing.holders
 
 
-TestObjectLaws = ObjectLaws.TestCase
-TestObjectLaws.settings = settings(max_examples=100, stateful_step_count=30)
+def test_objects_live_as_long_as_they_are_held() -> None:
+    """The laws hold after every step of any course of events, and closing leaves nothing."""
+    run_state_machine_as_test(ObjectLaws, settings=settings(max_examples=200, stateful_step_count=30))
