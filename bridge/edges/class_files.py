@@ -38,11 +38,23 @@ def load_catalog(paths: Iterable[Path | str]) -> tuple[Catalog, list[Problem]]:
 
 def read_class_file(path: Path) -> ClassFile:
     """One file, with the lines of its classes and events. OSError when it cannot be read."""
-    read = class_toml.read_classes if path.suffix.lower() == ".toml" else tmc.read_classes
+    return ClassFile(path, _read(path.suffix, path.read_bytes(), str(path)))
+
+
+def carried_catalog(files: Iterable[tuple[str, bytes]]) -> tuple[Catalog, list[Problem]]:
+    """The classes of files that somebody else carries (a recording), as names and contents; others among them are left out."""
+    results = [_read(Path(name).suffix, data, name) for name, data in files if name.lower().endswith((*SUFFIXES, ".toml"))]
+    return Catalog(found for result in results for found in result.classes), [
+        each for result in results for each in result.problems
+    ]
+
+
+def _read(suffix: str, data: bytes, name: str) -> ReadResult:
+    read = class_toml.read_classes if suffix.lower() == ".toml" else tmc.read_classes
     try:
-        return ClassFile(path, read(path.read_bytes(), str(path)))
+        return read(data, name)
     except TmcError as error:
-        return ClassFile(path, ReadResult((), (Problem(error.file, error.line, error.message),)))
+        return ReadResult((), (Problem(error.file, error.line, error.message),))
 
 
 def class_files(paths: Iterable[Path | str]) -> Iterator[Path]:

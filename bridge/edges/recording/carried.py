@@ -6,19 +6,23 @@ from collections.abc import Mapping
 import msgspec
 
 from bridge.edges.recording.frames import Frames
-from bridge.edges.recording.layout import ABOUT_METADATA, SUMMARY_METADATA, VIEWER_TOPICS, About, Attachment
+from bridge.edges.recording.layout import ABOUT_METADATA, LOG_TOPIC, SUMMARY_METADATA, VIEWER_TOPICS, About, Attachment
 from bridge.edges.recording.records import HOSTILE
 from bridge.edges.recording.tally import Totals
 
 
 class Carried(msgspec.Struct, frozen=True):
-    """What carried() found. metadata are the records that are neither `about` nor the summary; summary is None without one."""
+    """What carried() found. metadata are the records that are neither `about` nor the summary; summary is None without one.
+
+    language is that of the log for viewers, "" when there is none or it is not told.
+    """
 
     about: About
     summary: Totals | None
     attachments: tuple[Attachment, ...]
     metadata: tuple[tuple[str, Mapping[str, str]], ...]
     topics: frozenset[str]
+    language: str
 
     @property
     def has_log(self) -> bool:
@@ -50,4 +54,7 @@ def carried(path: str | os.PathLike[str]) -> Carried:
             attachments=tuple(attachments),
             metadata=tuple(each for each in frames.metadata if each[0] not in (ABOUT_METADATA, SUMMARY_METADATA)),
             topics=frozenset(channel.topic for channel in frames.channels.values()),
+            language=next(
+                (each.metadata.get("language", "") for each in frames.channels.values() if each.topic == LOG_TOPIC), ""
+            ),
         )
