@@ -116,6 +116,7 @@ def record(
         tcbridge record faults --trigger "severity = critical" --before 60
     """
     from bridge.cli import program_version
+    from bridge.control import NameTakenError, present
     from bridge.core.filters.fields import quoted
     from bridge.edges.recording import Viewer
     from bridge.recorder import Keep, Recorder, Split
@@ -130,6 +131,8 @@ def record(
         wanted = f"({filter}) and ({names})" if filter and names else filter or names
         expr = parse_filter(wanted, known, texts.guids)
         trigger = parse_filter(around.trigger, known, texts.guids) if around.trigger else None
+        if name and (taken := present(bus, realm=settings.realm, name=name)):
+            raise NameTakenError(name, settings.realm, taken[0].role)  # before a file is made
         try:
             recorder = Recorder(
                 bus,

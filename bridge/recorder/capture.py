@@ -105,13 +105,18 @@ class Windows:
         """Whether a file is open: a window, or the time after it in which a trigger may join it."""
         return self._until_ns is not None
 
+    def misses_tail(self, at_ns: int) -> bool:
+        """Whether a sender that is silent at this time may owe events of the window."""
+        return self._until_ns is not None and at_ns <= self._until_ns + SETTLE_NS
+
     def take(self, item: Item, at_ns: int) -> None:
         """The next item; times never go back."""
         self.tick(at_ns)
         if self.armed and isinstance(item, Heard) and self._fires(item.event):
             event = item.event
             self.trigger(at_ns, f"{event.kind} {event.event_class} {event.event_id} of {event.target}")
-        if self._until_ns is not None and (at_ns <= self._until_ns or self._tells_of_its_end(item, at_ns, self._until_ns)):
+        is_loss = isinstance(item, Gap | Dropped | TailUnknown)
+        if (self._until_ns is not None and at_ns <= self._until_ns) or (is_loss and self.misses_tail(at_ns)):
             self._out.write(item, at_ns)
         else:
             self._keep(_Waiting(at_ns, item, _cost(item)))
@@ -149,10 +154,6 @@ class Windows:
         if self._until_ns is not None:
             self._until_ns = None
             self._out.end()
-
-    @staticmethod
-    def _tells_of_its_end(item: Item, at_ns: int, until_ns: int) -> bool:
-        return isinstance(item, Gap | Dropped | TailUnknown) and at_ns <= until_ns + SETTLE_NS
 
     def _keep(self, waiting: _Waiting) -> None:
         self._ring.append(waiting)

@@ -160,9 +160,13 @@ class Files:
                 takes = self._choice.takes
                 if takes is None or takes(event):
                     key = keys.EventKey(self._about.realm, event.target, event.event_class, event.is_alarm, event.severity)
-                    self._last_ns = writer.add(element, encoding, key, event, at_ns)
-                    self._in_this += 1
-                    self.events += 1
+                    try:
+                        self._last_ns = writer.add(element, encoding, key, event, at_ns)
+                    except (ValueError, TypeError) as error:  # a stranger's event that no recording can hold
+                        self._reject(keys.event_key(self._about.realm, event), encoding, element, str(error), at_ns)
+                    else:
+                        self._in_this += 1
+                        self.events += 1
             case MissingHere(missing, reason):
                 if self._choice.wants(missing.key):
                     gap = Gap(
@@ -178,8 +182,7 @@ class Files:
                 self.miss(count, QUEUE_FULL, at_ns)
             case Rejected(key, raw, reason):
                 if self._choice.wants(key):
-                    self._last_ns = writer.add_rejected(key, "", raw, reason, at_ns)
-                    self.rejected += 1
+                    self._reject(key, "", raw, reason, at_ns)
             case Snapshot(target=target):
                 self.keyframe(at_ns, target)
             case TailUnknown(_, session):
@@ -201,6 +204,10 @@ class Files:
         self._last_ns = self._open_writer().add_gap(gap, at_ns)
         self.gaps += 1
         self.missing += gap.count
+
+    def _reject(self, key: str, encoding: str, raw: bytes, reason: str, at_ns: int) -> None:
+        self._last_ns = self._open_writer().add_rejected(key, encoding, raw, reason, at_ns)
+        self.rejected += 1
 
     def tick(self, at_ns: int) -> None:
         """Go on in another file if it is time to."""

@@ -99,9 +99,16 @@ class Recorder:
         path = Path(path)
         if capture is not None and path.suffix == ".mcap":
             raise ValueError(f"{path.name} is one file: captures need a folder")
+
+        def tell(news: News) -> None:
+            try:
+                told(news)
+            except Exception:
+                log.exception("telling %s", news)
+
         choice = self._choice = Choice(filter, targets, None if capture is None else capture.trigger, resolve_class)
         more = {} if capture is None or choice.trigger is None else _capture_texts(capture, choice.trigger)
-        self.path, self._told = path, told
+        self.path = path
         self.error: RecordingError | None = None
         self._flush_s, self._clock = EARLY * flush_s, clock
         self._steady = SteadyClock.of(clock)
@@ -129,7 +136,7 @@ class Recorder:
             split=split,
             keep=keep,
             viewer=viewer,
-            told=told,
+            told=tell,
         )
         try:
             self.listener = Listener(
@@ -141,13 +148,14 @@ class Recorder:
             raise
         self._windows = None if capture is None else Windows(capture, choice.fires, _Output(self._files))
         try:
-            self._recover()
+            self._recover(tell)
             for state in self.listener.snapshot():
                 self._files.states.take(state)
             if self._windows is None:
                 self._files.begin(self._last_ns)
         except BaseException:
             self.listener.close()
+            self._files.abandon()
             self._files.close()
             raise
         self._status = self._stands()
@@ -271,7 +279,8 @@ class Recorder:
                 self._status = self._stands()
                 flushed_s, dirty, urgent = now_s, False, False
         self._carry_out_orders()
-        self._files.end(self._silent)
+        owing = self._windows is None or self._windows.misses_tail(self._steady())
+        self._files.end(self._silent if owing else ())
         self._files.close()
 
     def _carry_out_orders(self) -> None:
@@ -349,15 +358,15 @@ class Recorder:
 
     # Before and after.
 
-    def _recover(self) -> None:
+    def _recover(self, tell: Callable[[News], None]) -> None:
         """Finish what a crash left in the folder, or of this file."""
         one = self.path.with_name(self.path.name + ACTIVE_SUFFIX)
         for left in [one] if self.path.suffix == ".mcap" else leftovers(self.path):
             if left.exists():
                 try:
-                    self._told(Recovered.of(recover(left)))
+                    tell(Recovered.of(recover(left)))
                 except RecordingError as error:
-                    self._told(NotRecovered(left, error.reason))
+                    tell(NotRecovered(left, error.reason))
 
     def wait(self, timeout_s: float | None = None) -> bool:
         """Wait until recording has ended by an error; False when the time is up first."""

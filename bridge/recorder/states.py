@@ -10,7 +10,7 @@ from collections.abc import Callable
 from bridge.core.alarms import Alarm, AlarmTable
 from bridge.core.events import MessageSent
 from bridge.edges.recording import StateFrame
-from bridge.notices import Heard, Item, LoggerGone, Snapshot
+from bridge.notices import Heard, Item, LoggerGone, Snapshot, SuspectsChanged
 
 
 class States:
@@ -31,6 +31,9 @@ class States:
                 self._sessions[target] = session
             case LoggerGone(target=target, clean=False):
                 self._table.suspect(target)
+            case SuspectsChanged(target=target, suspects=suspects):
+                self._table.mark(set(self._table.suspects(target)) - set(suspects), suspect=False)
+                self._table.mark(suspects, suspect=True)
             case _:
                 pass
 

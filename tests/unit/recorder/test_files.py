@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from bridge.core import codec
 from bridge.core.alarms import AlarmTable
 from bridge.core.events import AnyEvent, MessageSent
 from bridge.core.filters.ast import Expr
@@ -15,6 +16,7 @@ from bridge.edges.recording import (
     About,
     RecordedEvent,
     RecordedGap,
+    RecordedRejected,
     RecordedState,
     RecordingError,
     RecordingWriter,
@@ -23,7 +25,8 @@ from bridge.edges.recording import (
     summary,
 )
 from bridge.edges.recording.folder import Keep, RecordingFolder
-from bridge.notices import Gap, Rejected, Snapshot, TailUnknown
+from bridge.edges.recording.neighbours import missing_files
+from bridge.notices import Gap, Heard, Rejected, Snapshot, TailUnknown
 from bridge.recorder.choice import Choice
 from bridge.recorder.files import Files, Split
 from bridge.recorder.news import Began, Deleted, Finished, News, NotDeleted
@@ -210,6 +213,32 @@ def test_neighbours_know_each_other(tmp_path: Path) -> None:
     assert [(info.about.recording, info.about.part) for info in told] == [("r1", 1), ("r1", 2), ("r1", 3)]
     assert [info.about.previous for info in told] == ["", paths[0].name, paths[1].name]
     assert [info.totals.next_file for info in told] == [paths[1].name, paths[2].name, ""]
+
+
+def test_a_missing_file_is_noticed(tmp_path: Path) -> None:
+    """Between two that are there; what is missing before the first and behind the last is no loss."""
+    with files(tmp_path, split=Split(seconds=1)) as made:
+        for second in range(7):
+            put(made, message(second), second)
+    paths = recordings(tmp_path)
+    assert missing_files(map(summary, paths)) == []
+    assert missing_files(map(summary, reversed(paths[2:4]))) == []
+    some = [summary(paths[number]) for number in (1, 4, 6)]
+    two, one = missing_files(some)
+    assert (two.after, two.before, two.count, two.first) == (paths[1].name, paths[4].name, 2, paths[2].name)
+    assert str(one) == f"1 file is missing between {paths[4].name} and {paths[6].name}: {paths[5].name} and what follows"
+
+
+def test_a_strangers_event_that_no_recording_can_hold_is_rejected(tmp_path: Path) -> None:
+    """Two megabytes of blanks inside an event are valid JSON: recording goes on, and the file says what came."""
+    event = message(1)
+    with files(tmp_path) as made:
+        made.write(Heard(event, b"{" + b" " * (2 << 20) + codec.encode(event)[1:], codec.JSON, START), START)
+        put(made, message(2))
+    (path,) = recordings(tmp_path)
+    assert numbers(path) == [2]
+    (rejected,) = [item.rejected for item in read_events(path) if isinstance(item, RecordedRejected)]
+    assert (rejected.key, rejected.size > 2 << 20) == (KEY, True)
 
 
 def test_a_tail_that_is_unknown_is_told_by_the_file_in_which_it_was_noticed(tmp_path: Path) -> None:
