@@ -92,7 +92,7 @@ def copy_part(
         report = Copied(writer.path)
         with read_series(sources, part) as series:
             _write(series, writer, part, before, fills, report, on_progress)
-            report.damages = dict(series.damages)
+            report.damages, report.filled = dict(series.damages), fills.filled
         for each in brought:
             for name, texts in each.metadata:
                 if name != RECOVERED_METADATA:
@@ -130,12 +130,10 @@ def _write(
                 if on_progress is not None and report.events % PROGRESS_EVENTS == 0:
                     on_progress(report.events)
             case RecordedGap(log_time_ns=at_ns, gap=gap):
-                left = fills.left(gap)
-                for each in left:
+                for each in fills.left(gap):
                     writer.add_gap(each, at_ns)
                     report.gaps += 1
                     report.missing += each.count
-                report.filled += gap.count - sum(each.count for each in left)
             case RecordedRejected(log_time_ns=at_ns, rejected=rejected):
                 writer.copy_rejected(rejected, at_ns)
                 report.rejected += 1
@@ -201,10 +199,12 @@ def _unknown_tails(infos: Sequence[RecordingInfo], part: Part) -> tuple[str, ...
 
 
 class Fills:
-    """Which numbers of gap records are in another file."""
+    """Which numbers of gap records are in another file. `filled` counts those that were asked for."""
 
     def __init__(self) -> None:
+        self.filled = 0
         self._there: dict[tuple[str, str], list[int]] = {}
+        self._told: set[Gap] = set()
 
     def want(self, gaps: Iterable[Gap]) -> None:
         """Take note of what is missing somewhere."""
@@ -224,7 +224,17 @@ class Fills:
             numbers.append(number)
 
     def left(self, gap: Gap) -> list[Gap]:
-        """What still is missing of a gap, as ranges."""
+        """What still is missing of a gap, as ranges; what two files miss alike is told once."""
+        if (gap.session, gap.key) not in self._there:
+            return [gap]
+        ranges = self._ranges(gap)
+        self.filled += gap.count - sum(each.count for each in ranges)
+        named = {msgspec.structs.replace(each, reason=""): each for each in ranges}
+        fresh = [each for name, each in named.items() if name not in self._told]
+        self._told.update(named)
+        return fresh
+
+    def _ranges(self, gap: Gap) -> list[Gap]:
         numbers = self._there.get((gap.session, gap.key), [])
         first, last = gap.first_key_seq, gap.last_key_seq
         inside = sorted({number for number in numbers if first <= number <= last})

@@ -1,0 +1,200 @@
+"""The commands about recordings on files: cat, cut, merge, recover, info of several."""
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+from bridge.cli import run
+from bridge.cli.exits import Exit
+from bridge.core import codec
+from bridge.core.events import AnyEvent, Severity
+from bridge.core.tmc_writer import write_classes
+from bridge.edges.class_files import load_catalog
+from bridge.edges.recording import Attachment, RecordingWriter, StateFrame, summary
+from tests.unit.edges.recording_stories import ABOUT, ALARM, GAP, PUMP, START, STATE, cleared, message, raised, record
+
+
+def write(path: Path, events: list[AnyEvent], *, states: tuple[StateFrame, ...] = (STATE,), gap: bool = False) -> Path:
+    """A recording: an event each second."""
+    with RecordingWriter(path, about=ABOUT) as writer:
+        for state in states:
+            writer.add_state(state, START)
+        for number, event in enumerate(events):
+            record(writer, event, START + 1_000_000_000 * (number + 1), (codec.JSON, codec.MSGPACK)[number % 2])
+            writer.flush()
+        if gap:
+            writer.add_gap(GAP, START + 1_000_000_000 * len(events) + 1)
+    return path
+
+
+@pytest.fixture
+def plant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """A recording of six seconds with a gap at its end."""
+    monkeypatch.chdir(tmp_path)
+    events: list[AnyEvent] = [message(21), raised(30), message(23, PUMP), cleared(30), message(25, PUMP), raised(40)]
+    write(tmp_path / "plant.mcap", events, gap=True)
+    return "plant.mcap"
+
+
+def objects(capsys: pytest.CaptureFixture[str]) -> list[dict[str, object]]:
+    """What was printed as JSON Lines."""
+    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+
+
+def test_cat_prints_what_stands_there(plant: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Keyframe, events, gap, in their order."""
+    assert run(["cat", plant]) == Exit.OK
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 8
+    assert "keyframe: plc1 has 1 alarms, 1 of them active" in lines[0]
+    assert "raised" in lines[2]
+    assert "gap: 7 events of session s1" in lines[-1]
+
+
+def test_cat_as_json_has_the_names_of_the_wire(plant: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """With the time of recording, and notices that say what they are."""
+    assert run(["cat", plant, "--json"]) == Exit.OK
+    found = objects(capsys)
+    assert [each.get("notice", each.get("kind")) for each in found] == [
+        "keyframe",
+        "message_sent",
+        "alarm_raised",
+        "message_sent",
+        "alarm_cleared",
+        "message_sent",
+        "alarm_raised",
+        "gap",
+    ]
+    assert found[1]["event_id"] == 21
+    assert found[1]["realm"] == "live"
+    assert found[1]["log_time_ns"] == START + 1_000_000_000
+
+
+@pytest.mark.parametrize(
+    ("options", "wanted"),
+    [
+        ("--start 3", [23, 30, 25, 40]),
+        ("--start 3 --duration 2", [23, 30]),
+        ("--end 2.5", [21, 30]),
+        ("--start 2027-01-15T08:00:05Z", [25, 40]),
+        ("--filter is_alarm", [30, 30, 40]),
+        ("--target plc2", []),
+        (f"--filter event_class='{PUMP}'", [23, 25]),
+    ],
+)
+def test_a_part_is_chosen_by_time_target_and_filter(
+    plant: str, capsys: pytest.CaptureFixture[str], options: str, wanted: list[int]
+) -> None:
+    """Seconds from the start, or a time of recording."""
+    assert run(["cat", plant, "--json", *options.split()]) == Exit.OK
+    assert [each["event_id"] for each in objects(capsys) if "kind" in each] == wanted
+
+
+@pytest.mark.parametrize(
+    "options", ["--start 3 --end 2", "--duration 0", "--end 2 --duration 1", "--start soon", "--filter x=", "--start -1"]
+)
+def test_a_part_that_makes_no_sense_is_refused(plant: str, options: str) -> None:
+    """As wrong usage."""
+    assert run(["cat", plant, *options.split()]) == Exit.USAGE
+
+
+def test_cat_as_csv_is_the_events_alone(plant: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """In the columns of the log, but for its numbers."""
+    assert run(["cat", plant, "--csv"]) == Exit.OK
+    rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out), delimiter=";"))
+    assert [row["Event Id"] for row in rows] == ["21", "30", "23", "30", "25", "40"]
+    assert "Unique Id" not in rows[0]
+
+
+def test_several_files_and_folders_are_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each event once, in order of time; what is no recording is refused before anything is printed."""
+    write(tmp_path / "b.mcap", [message(21), raised(30), message(23)], states=())
+    write(tmp_path / "a.mcap", [message(21), raised(30)], states=())
+    assert run(["cat", str(tmp_path), str(tmp_path / "a.mcap"), "--json"]) == Exit.OK
+    assert [each["event_id"] for each in objects(capsys)] == [21, 30, 23]
+    (tmp_path / "c.mcap").write_bytes(b"no recording")
+    assert run(["cat", str(tmp_path)]) == Exit.NO
+    assert capsys.readouterr().out == ""
+    assert run(["cat", str(tmp_path / "none.mcap")]) == Exit.USAGE
+    (tmp_path / "empty").mkdir()
+    assert run(["cat", str(tmp_path / "empty")]) == Exit.USAGE
+
+
+def test_a_damaged_file_is_printed_as_far_as_it_goes_and_named(plant: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """With the exit code for loss."""
+    data = Path(plant).read_bytes()
+    Path(plant).write_bytes(data[: len(data) * 2 // 3])
+    assert run(["cat", plant]) == Exit.LOST
+    found = capsys.readouterr()
+    assert found.out.count("\n") >= 2
+    assert "plant.mcap: damaged at byte" in found.err
+
+
+def test_texts_come_from_the_classes_that_a_recording_carries(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without any class file."""
+    known = load_catalog([Path(__file__).parents[3] / "examples" / "plant.tmc"])[0]
+    found = next(iter(known))
+    event = message(next(iter(found.events)), found.guid)
+    with RecordingWriter(tmp_path / "a.mcap", attachments=[Attachment("plant.tmc", write_classes([found]))]) as writer:
+        record(writer, event, START)
+    assert run(["cat", str(tmp_path / "a.mcap")]) == Exit.OK
+    assert "Production line 1: Stroke" in capsys.readouterr().out
+
+
+def test_a_cut_says_what_it_holds(plant: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The alarms of its start are in its keyframe; what exists is not overwritten."""
+    assert run(["cut", plant, "part.mcap", "--start", "3", "--json"]) == Exit.OK
+    (told,) = objects(capsys)
+    assert (told["events"], told["missing"], told["complete"], told["keyframes"]) == (4, 7, "no", 1)
+    active = summary("part.mcap").totals.active_at_start.named
+    assert [alarm.event_id for alarm in active] == [ALARM.event_id, 30]
+    assert run(["cut", plant, "part.mcap", "--start", "3"]) == Exit.NO
+    assert "exists" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "line", ["cut plant.mcap new.mcap", "cut plant.mcap", "cut plant.mcap new.txt --start 1", "merge plant.mcap"]
+)
+def test_a_cut_or_merge_that_makes_no_sense_is_refused(plant: str, tmp_path: Path, line: str) -> None:
+    """Nothing to cut, no new name, a name that is none."""
+    assert run(line.split()) == Exit.USAGE
+    assert [path.name for path in tmp_path.iterdir()] == ["plant.mcap"]
+
+
+def test_merging_fills_gaps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Said in words, and as numbers for programs."""
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "a.mcap", [message(1)], gap=True)
+    found = [message(number - 1) for number in range(3, 9)]
+    write(tmp_path / "b.mcap", [replace(event, severity=Severity.INFO) for event in found])
+    assert run(["merge", "a.mcap", "b.mcap", "c.mcap"]) == Exit.OK
+    assert "merged 7 events into c.mcap; 6 that one file missed came from another; 1 are missing" in capsys.readouterr().out
+
+
+def test_what_a_crash_left_is_recovered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By name, or all of a folder; a damaged file only to another name."""
+    monkeypatch.chdir(tmp_path)
+    for name in "ab":
+        writer = RecordingWriter(tmp_path / f"{name}.mcap")
+        record(writer, message(1), START)
+        writer.flush()
+        writer.abandon()
+    assert run(["recover", "a.mcap.active"]) == Exit.OK
+    assert run(["recover", "."]) == Exit.OK
+    assert run(["recover", "."]) == Exit.OK
+    assert "nothing to recover" in capsys.readouterr().err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.mcap", "b.mcap"]
+    data = Path("a.mcap").read_bytes()
+    Path("a.mcap").write_bytes(data[: len(data) // 2])
+    assert run(["recover", "a.mcap"]) == Exit.USAGE
+    capsys.readouterr()
+    assert run(["recover", "a.mcap", "--to", "c.mcap", "--json"]) in (Exit.OK, Exit.LOST)
+    (told,) = objects(capsys)
+    assert (told["recovered"], told["kept"]) == ("c.mcap", "a.mcap")
+    assert Path("a.mcap").read_bytes() == data[: len(data) // 2]
