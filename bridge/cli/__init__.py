@@ -39,6 +39,7 @@ COMMANDS: Final = {
     "cut": "bridge.cli.cut:cut",
     "merge": "bridge.cli.cut:merge",
     "recover": "bridge.cli.recover:recover",
+    "convert": "bridge.cli.convert:convert",
     "filter explain": "bridge.cli.filter:explain",
     "classes list": "bridge.cli.classes:class_list",
     "classes show": "bridge.cli.classes:show",
@@ -51,6 +52,7 @@ COMMANDS: Final = {
     "classes translations import": "bridge.cli.classes_write:translations_import",
     "classes delete-unused": "bridge.cli.classes_write:delete_unused",
     "classes where-used": "bridge.cli.where_used:where_used",
+    "modules describe": "bridge.cli.modules_describe:describe",
     "error": "bridge.cli.error:error",
     "sink syslog": "bridge.cli.sink:syslog",
     "config show": "bridge.cli.config:show",
@@ -64,6 +66,7 @@ _GROUPS: Final = {
     "config": "Work with settings.",
     "classes": "Work with event classes and their texts.",
     "classes translations": "Texts out to translators, and back.",
+    "modules": "Work with modules.",
 }
 _HIDDEN: Final = {"demo-publisher": "bridge.cli.demo_plant:publisher"}
 

@@ -65,7 +65,7 @@ def new(
         found = define_class(last, display_text, events, namespace=namespace)
     except ValueError as error:
         raise Usage(str(error)) from None
-    return _write(_classes_as([found], output, ".toml"), output, overwrite, common, classes=1)
+    return write_out(_classes_as([found], output, ".toml"), output, overwrite, common, classes=1)
 
 
 def _event(text: str) -> "EventEntry":
@@ -89,7 +89,7 @@ def convert(files: Files = (), /, *, output: ClassOutput, overwrite: Overwrite =
         tcbridge classes convert plant.classes.toml --output plant.tmc
     """
     found = _classes(read(files, common.load()))
-    return _write(_classes_as(found, output, ""), output, overwrite, common, classes=len(found))
+    return write_out(_classes_as(found, output, ""), output, overwrite, common, classes=len(found))
 
 
 def generate(
@@ -120,7 +120,7 @@ def generate(
     kind = to or ("json" if output is not None and output.suffix.lower() == ".json" else "python")
     write = generators.json_text if kind == "json" else generators.python_module
     text = write(found, made_by=f"tcbridge {program_version()}", sources=[file.path.name for file in files_read])
-    return _write(text.encode(), output, overwrite, common, classes=len(found))
+    return write_out(text.encode(), output, overwrite, common, classes=len(found))
 
 
 def translations_export(
@@ -153,7 +153,7 @@ def translations_export(
         )
     except ValueError as error:
         raise Usage(str(error)) from None
-    return _write(data, output, overwrite, common, texts=sum(map(len, table.values())))
+    return write_out(data, output, overwrite, common, texts=sum(map(len, table.values())))
 
 
 def translations_import(
@@ -178,7 +178,7 @@ def translations_import(
 
     found = _classes(read(files, common.load()))
     result = translations.imported(found, _table(table))
-    written = _write(
+    written = write_out(
         _classes_as(result.classes, output, ""),
         output,
         overwrite,
@@ -225,7 +225,7 @@ def delete_unused(
     gone = [text for keys in translations.unused(found).values() for text in keys]
     gone += [text for file in files_read for text in file.result.translations if text not in texts]
     kept = translations.without_unused(found)
-    written = _write(_classes_as(kept, output, ""), output, overwrite, common, classes=len(kept), deleted=len(gone))
+    written = write_out(_classes_as(kept, output, ""), output, overwrite, common, classes=len(kept), deleted=len(gone))
     for text in gone:
         note(f"not used: {text!r}")
     return written
@@ -262,7 +262,7 @@ def _classes_as(classes: "Iterable[EventClass]", output: Path | None, default: s
         raise Usage(str(error)) from None
 
 
-def _write(data: bytes, output: Path | None, overwrite: bool, common: Basic, **counts: int) -> int:
+def write_out(data: bytes, output: Path | None, overwrite: bool, common: Basic, **counts: int) -> int:
     """To the file, or to stdout without one."""
     if output is None:
         if common.json:
