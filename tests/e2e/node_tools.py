@@ -49,13 +49,13 @@ def _alone(lock: Path) -> Iterator[None]:
 
 def run_node(where: Path, script: str, *arguments: str | Path) -> Any:  # noqa: ANN401 - what a script prints as JSON
     """What a script prints, from JSON. Its arguments are process.argv[1], [2], ..."""
-    done = subprocess.run(
-        ["node", "-e", script, *map(str, arguments)],
-        env=os.environ | {"NODE_PATH": str(where)},
-        check=False,
-        capture_output=True,
-        encoding="utf-8",
-        timeout=60,
-    )
+    return json.loads(run_program(where, "-e", script, *arguments))
+
+
+def run_program(where: Path, *command: str | Path) -> str:
+    """What node prints for a command line."""
+    environ = os.environ | {"NODE_PATH": str(where)}
+    words = ["node", *map(str, command)]
+    done = subprocess.run(words, env=environ, check=False, capture_output=True, encoding="utf-8", timeout=60)
     assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    return done.stdout

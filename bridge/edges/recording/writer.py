@@ -115,6 +115,7 @@ class RecordingWriter:
         if viewer is not None:
             viewer.begin()
         self._unexplained: dict[str, AnyEvent] = {}
+        self._explained: set[str] = set()
         self._tally = Tally()
         self._done = False
         self._fault = ""
@@ -181,7 +182,7 @@ class RecordingWriter:
         sequence = index(event.key_seq) & 0xFFFFFFFF
         if known is None:
             known = self._channels[place] = self._register(EventChannel(*place))
-            if self._viewer is not None:
+            if self._viewer is not None and key.event_class not in self._explained:
                 self._unexplained[key.event_class] = event
         channel_id, counts = known
         self._put(channel_id, log_time, element, time_ns or log_time, sequence)
@@ -255,6 +256,7 @@ class RecordingWriter:
         if self._viewer is not None and found is not None:
             del self._unexplained[event.event_class]
             definition = self._viewer.definition(found)
+            self._explained.add(event.event_class)
             if definition is not None:
                 self.attach(definition)
 

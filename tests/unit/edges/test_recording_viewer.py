@@ -9,7 +9,7 @@ import msgspec
 import pytest
 from mcap.reader import make_reader
 
-from bridge.core import tmc
+from bridge.core import codec, tmc
 from bridge.core.alarms import Alarm
 from bridge.core.arguments import Argument
 from bridge.core.catalog import Catalog, EventClass, EventEntry, LanguageError
@@ -258,7 +258,7 @@ def test_a_class_that_nobody_else_has_is_attached_once_it_is_known(tmp_path: Pat
         record(writer, message(1), START)
         known = CATALOG
         record(writer, message(2), START)
-        record(writer, message(3), START)
+        record(writer, message(3), START, codec.MSGPACK)
         writer.flush()
         (definition,) = [place for place in scan(writer.active_path).attachments if place.endswith(".tmc")]
     assert attached(tmp_path / "a.mcap") == [definition] == ["Axis-54cc5482.tmc"]
