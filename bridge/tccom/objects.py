@@ -299,26 +299,31 @@ class LiveObject:
 
     # What it has acquired.
 
-    def enter(self, manager: AbstractContextManager[T], transition: Transition | None = None) -> T:
+    def enter(self, manager: AbstractContextManager[T]) -> T:
         """Enter a context manager that is left when a transition is undone: the current one, or else the last one up."""
-        step = current_step()
-        if transition is None and step is not None and step[0] == self.object_id:
-            transition = step[1].undoes or step[1].transition
-        stack = self._stacks.get(transition or _STACKS.get(self.state, Transition.IP))
-        if stack is None:
-            raise AdsError(ADS_E_INVALIDSTATE, f"{self} is in no state to acquire anything")
-        return stack.enter_context(manager)
+        return self._stack().enter_context(manager)
 
     def connect(self, address: Address, interface: Interface[T]) -> T:
         """A reference that is released when the transition is undone."""
-        return self.enter(self._keeper.connect(address, interface, id_text(self.object_id)))
+        return self._hold(self._stack(), address, interface)
+
+    def _stack(self) -> ExitStack:
+        step = current_step()
+        transition = _STACKS.get(self.state)
+        if step is not None and step[0] == self.object_id:
+            transition = step[1].undoes or step[1].transition
+        if transition is None:
+            raise AdsError(ADS_E_INVALIDSTATE, f"{self} is in no state to acquire anything")
+        return self._stacks[transition]
+
+    def _hold(self, stack: ExitStack, address: Address, interface: Interface[T]) -> T:
+        return stack.enter_context(self._keeper.connect(address, interface, id_text(self.object_id)))
 
     def _resolve(self, pointer: InterfacePointer[T]) -> T:
         address = pointer.address(self.module)
         if address == NO_OBJECT:
             raise AdsError(ADS_E_NOTINIT, f"interface pointer {pointer.name!r} names no object")
-        reference = self._keeper.connect(address, pointer.interface, id_text(self.object_id))
-        found = self.enter(reference, pointer.resolved.transition)
+        found = self._hold(self._stacks[pointer.resolved.transition], address, pointer.interface)
         self._pointed[pointer.name] = found
         return found
 
@@ -363,7 +368,7 @@ class LiveObject:
         return watch
 
     def _unwatch(self, watch: values.Watch) -> None:
-        with self.turn(), contextlib.suppress(ValueError):
+        with contextlib.suppress(ValueError):
             self._watches.remove(watch)
 
 

@@ -19,6 +19,7 @@ from typing import Final, Protocol, Self, TypeVar
 
 from bridge.core.hresult import (
     ADS_E_ACCESSDENIED,
+    ADS_E_EXCEPTION,
     ADS_E_EXISTS,
     ADS_E_INVALIDOBJID,
     ADS_E_INVALIDSTATE,
@@ -119,7 +120,11 @@ class ObjectServer:
         parent_id is checked by nobody: a parent may come later.
         """
         kind = self.factories.find(module_class) if isinstance(module_class, str) else module_class
-        live = self._add(kind(), object_id, name, parent_id, parameters, state)
+        try:
+            module = kind()
+        except Exception as error:
+            raise AdsError(ADS_E_EXCEPTION, f"{kind.__name__} cannot be made: {type(error).__name__}: {error}") from error
+        live = self._add(module, object_id, name, parent_id, parameters, state)
         try:
             return self._reference(live, interface, owner, transient=transient)
         except AdsError:
@@ -157,26 +162,30 @@ class ObjectServer:
         try:
             initialize(module, parameters or {})
             live.walk(State.PREOP)
-            with self._lock:
-                self._objects[object_id] = live
-                self._living.add(live)
         except BaseException:
             module._place = None
             raise
         finally:
             with self._lock:
                 self._reserved.discard(object_id)
+                if live.state is State.PREOP:
+                    self._objects[object_id] = live
+                    self._living.add(live)
         try:
+            self._check_open()
             live.walk(state)
         except BaseException:
             live.walk(State.INIT, force=True)
             raise
         return live
 
+    def _check_open(self) -> None:
+        if self._closed:
+            raise AdsError(ADS_E_INVALIDSTATE, "the object server is closed")
+
     def _reserve(self, object_id: ObjectId) -> ObjectId:
         with self._lock:
-            if self._closed:
-                raise AdsError(ADS_E_INVALIDSTATE, "the object server is closed")
+            self._check_open()
             if object_id == CREATE_NEW_ID:
                 object_id = self._new_id()
             elif not is_object_id(object_id):
@@ -299,7 +308,10 @@ class ObjectServer:
         with self._lock:
             held = list(self._references.pop(owner, ()))
         for reference in held:
-            reference.safe_release()
+            try:
+                reference.safe_release()
+            except AdsError as error:
+                log.error("%s is not deleted: %s", reference.held, error)
         return len(held)
 
     def close(self) -> int:

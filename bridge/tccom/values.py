@@ -10,6 +10,7 @@ The caller sees to it that the module has its turn.
 """
 
 import logging
+import threading
 from collections.abc import Callable
 from typing import Final
 
@@ -96,20 +97,27 @@ class Watch:
     def __init__(self, read: Callable[[], object], tell: Callable[[object], None], end: Callable[["Watch"], None]) -> None:
         self._read, self._tell, self._end = read, tell, end
         self._last: object = UNSET
+        self._closed = False
+        self._lock = threading.RLock()
 
     def compare(self) -> None:
         """Tell the value when it is another one than last time."""
-        try:
-            value = self._read()
-            if value != self._last:
-                self._last = value
-                self._tell(value)
-        except Exception:
-            # Whoever watches must not disturb whom it watches.
-            log.exception("a watch failed")
+        with self._lock:
+            if self._closed:
+                return
+            try:
+                value = self._read()
+                if value != self._last:
+                    self._last = value
+                    self._tell(value)
+            except Exception:
+                # Whoever watches must not disturb whom it watches.
+                log.exception("a watch failed")
 
     def close(self) -> None:
-        """End it. Any number of times."""
+        """End it. Any number of times; waits for no more than a telling that is under way."""
+        with self._lock:
+            self._closed = True
         self._end(self)
 
     def __enter__(self) -> "Watch":

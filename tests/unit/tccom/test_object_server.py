@@ -16,7 +16,7 @@ from bridge.core.hresult import (
     AdsError,
 )
 from bridge.tccom.general import IObject, IObjectServer
-from bridge.tccom.identity import CREATE_NEW_ID, FIRST_FREE_ID, OBJECT_SERVER_ID
+from bridge.tccom.identity import CREATE_NEW_ID, FIRST_FREE_ID, LAST_FREE_ID, OBJECT_SERVER_ID
 from bridge.tccom.interfaces import Answer
 from bridge.tccom.reports import Report, ReportKind
 from bridge.tccom.server import ObjectServer
@@ -206,3 +206,41 @@ def test_a_real_time_step_that_takes_long_is_reported() -> None:
         server.add(Scripted(PS=work, SO=work), name="slow", state=State.OP)
     slow = [(one.object_name, one.transition, one.duration_ns) for one in reports if one.kind is ReportKind.SLOW]
     assert slow == [("slow", "SO", 200_000_000)]
+
+
+def test_a_class_whose_objects_cannot_be_made_is_refused() -> None:
+    """Whatever its constructor raises."""
+
+    class Unlucky(Calculation):
+        def __init__(self) -> None:
+            raise OSError("no licence")
+
+    with ObjectServer() as server:
+        with pytest.raises(AdsError, match="no licence") as failure:
+            server.create(Unlucky, ICalculation)
+        assert failure.value.code == ADS_E_EXCEPTION
+        assert server.living == 1
+
+
+def test_an_object_that_comes_while_the_server_closes_does_not_stay() -> None:
+    """Its IP is still running when the server closes: it is taken down again, and its maker is told."""
+    with ObjectServer() as server:
+        module = Scripted(IP=lambda module: server.close())
+        with pytest.raises(AdsError) as failure:
+            server.add(module, state=State.OP)
+        assert failure.value.code == ADS_E_INVALIDSTATE
+        assert (server.living, module.noted) == (0, ["IP", "PI"])
+
+
+def test_ids_go_round() -> None:
+    """The id of a deleted object is not soon another's: who kept it finds nobody rather than a stranger."""
+    with ObjectServer() as server:
+        ids = []
+        for _ in range(3):
+            object_id = server.add(Scripted())
+            server.delete(object_id)
+            ids.append(object_id)
+        assert ids == [FIRST_FREE_ID, FIRST_FREE_ID + 1, FIRST_FREE_ID + 2]
+        server._next_id = LAST_FREE_ID
+        kept = server.add(Scripted(), object_id=FIRST_FREE_ID)
+        assert [server.add(Scripted()) for _ in range(2)] == [LAST_FREE_ID, kept + 1]

@@ -260,3 +260,41 @@ def test_closing_does_not_wait_for_an_object_that_is_stuck() -> None:
     with pytest.raises(AdsError) as failure:
         server.get(object_id, IWork)
     assert failure.value.code == ADS_E_NOTFOUND
+
+
+def test_the_transient_objects_of_a_dead_owner_are_deleted() -> None:
+    """One that is busy meanwhile does not keep the others alive."""
+    inside, go_on = threading.Event(), threading.Event()
+
+    class Slow(Worker):
+        class_id = "66666666-0000-4000-8000-000000000004"
+
+        def work(self) -> Answer[int]:
+            inside.set()
+            assert go_on.wait(PATIENCE_S)
+            return Answer(1)
+
+    with ObjectServer(patience_s=0.1) as server:
+        made = [server.create(kind, IWork, owner="dead", transient=True) for kind in (Worker, Slow, Worker)]
+        busy = threading.Thread(target=made[1].interface.work)
+        busy.start()
+        assert inside.wait(PATIENCE_S)
+        assert server.release_owner("dead") == 3
+        assert [one.name for one in server.objects()] == ["ObjectServer", "Slow"]
+        go_on.set()
+        busy.join(PATIENCE_S)
+
+
+def test_a_watch_ends_although_its_object_is_busy() -> None:
+    """Closing it waits for nobody's turn."""
+    with ObjectServer(patience_s=PATIENCE_S) as server:
+        reference = server.create(Calculation, ICalculation, state=State.OP)
+        told: list[object] = []
+        watch = server.watch(reference.object_id, "outputs.total", told.append)
+        with reference.turn():
+            ending = threading.Thread(target=watch.close)
+            ending.start()
+            ending.join(PATIENCE_S)
+            assert not ending.is_alive()
+            reference.interface.addition(1, 2)
+        assert told == [0]
