@@ -1,84 +1,171 @@
-"""`tcbridge info`: what a recording holds."""
+"""`tcbridge info`: what recordings hold."""
 
+from collections.abc import Sequence
+from functools import reduce
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import msgspec
 from cyclopts import Parameter
 
 from bridge.cli.exits import Exit
-from bridge.cli.options import TEXTS_ONLY, Texts, catalog
-from bridge.cli.show import KIND_WORDS, Cell, clean, print_json, print_table, severity_span
+from bridge.cli.options import TEXTS_ONLY, Texts
+from bridge.cli.recordings import known_classes, recordings
+from bridge.cli.show import KIND_WORDS, Cell, View, clean, print_json, print_table, severity_span
 from bridge.core.events import Severity
 from bridge.core.times import NS_PER_S, time_text
 
 if TYPE_CHECKING:
-    from bridge.edges.recording import RecordingInfo
+    from bridge.edges.recording import Active, Gap, RecordingInfo, Totals
+
+SHOWN: Final = 20
+"""How many gaps and active alarms are shown to people; --json has up to 100 of each."""
 
 
 def info(
-    path: Annotated[Path, Parameter(name="FILE", help="The recording; also one that is still being written (.mcap.active).")],
+    files: Annotated[
+        tuple[Path, ...],
+        Parameter(
+            name="FILE",
+            help="Recordings, also those still being written (.mcap.active), or folders of them.",
+            negative=(),
+            required=True,
+        ),
+    ],
     /,
     *,
     common: Texts = TEXTS_ONLY,
 ) -> int:
-    """Say what a recording holds.
+    """Say what recordings hold.
 
-    Whether it is complete, since when, how many events of which class and
-    severity. The exit code is 0 for a complete recording, 1 for one with gaps,
-    an unknown end or damage.
+    Whether they are complete and what is missing, since when, how many events of
+    which class and severity, which alarms were active at the start and at the
+    end. Of several files each has a line, and the rest is told of all together; a
+    part of a split recording that is not among them is named. The exit code is 0
+    for complete recordings, 1 with gaps, an unknown end, damage or a missing part.
 
     Try:
         tcbridge info plant.mcap
+        tcbridge info night/
     """
-    from bridge.edges.recording import summary
+    from bridge.edges.recording import carried, joined, missing_parts, summary
 
     settings = common.load()
-    known = catalog(settings)
-    found = summary(path)
+    paths = recordings(files)
+    found = sorted(map(summary, paths), key=lambda each: each.totals.first_log_time_ns)
+    absent = missing_parts(found)
+    code = Exit.NO if absent or any(each.complete != "yes" for each in found) else Exit.OK
     if common.json:
-        print_json(msgspec.to_builtins(found) | {"complete": found.complete})
-        return Exit.OK if found.complete == "yes" else Exit.NO
-    for name, text in _lines(found):
+        for each in found:
+            print_json(msgspec.to_builtins(each) | {"complete": each.complete})
+        for recording, part in absent:
+            print_json({"notice": "missing_part", "recording": recording, "part": part})
+        return code
+    view = View(known_classes([carried(path) for path in paths], settings), settings.lang)
+    totals = reduce(joined, (each.totals for each in found))
+    lines = _lines(found[0]) if len(found) == 1 else [("files", f"{len(found):,}")]
+    if len(found) > 1:
+        _print_files(found)
+    for name, text in [*lines, *_more_lines(totals)]:
         print(f"{name:10} {clean(text)}")
-    counts: list[list[Cell]] = [
-        [
-            row.target,
-            known.class_name(row.event_class, settings.lang),
-            KIND_WORDS.get(row.kind, row.kind),
-            severity_span(Severity(row.severity)),
-            f"{row.count:,}",
-        ]
-        for row in found.totals.counts
-    ]
-    if counts:
+    for recording, part in absent:
+        print(f"{'missing':10} part {part} of recording {recording}")
+    _print_gaps(totals.named_gaps, totals.gaps)
+    _print_counts(totals, view)
+    _print_active(totals.active_at_start, "at the start", view)
+    _print_active(totals.active_at_end, "at the end", view)
+    if len(found) == 1 and found[0].channels:
         print()
-        print_table(("Target", "Class", "Event", "Severity", "Count"), counts)
-    if found.channels:
-        print()
-        channels = [[channel.topic, channel.message_encoding, f"{channel.messages:,}"] for channel in found.channels]
+        channels = [[channel.topic, channel.message_encoding, f"{channel.messages:,}"] for channel in found[0].channels]
         print_table(("Channel", "Encoding", "Messages"), channels)
-    return Exit.OK if found.complete == "yes" else Exit.NO
+    return code
 
 
 def _lines(found: "RecordingInfo") -> list[tuple[str, str]]:
-    totals, about = found.totals, found.about
-    seconds = (totals.last_log_time_ns - totals.first_log_time_ns) / NS_PER_S
+    about = found.about
     lines = [
         ("file", f"{found.path}, {found.size_bytes:,} bytes"),
         ("complete", _complete(found)),
+        ("realm", about.realm),
+        ("filter", about.filter or "everything"),
+        ("comment", about.comment),
+        ("part", f"{about.part} of recording {about.recording}" if about.part else ""),
+        ("by", " ".join(word for word in ("tcbridge", about.version, "on", about.host) if word) if about.host else ""),
+        ("attached", ", ".join(found.attachments)),
+    ]
+    return [(name, text) for name, text in lines if text]
+
+
+def _more_lines(totals: "Totals") -> list[tuple[str, str]]:
+    seconds = (totals.last_log_time_ns - totals.first_log_time_ns) / NS_PER_S
+    return [
         ("events", f"{totals.events:,}"),
         ("recorded", _span(totals.first_log_time_ns, totals.last_log_time_ns) + f" ({seconds:.1f} s)"),
         ("happened", _span(totals.first_time_ns, totals.last_time_ns)),
         ("rejected", f"{totals.rejected:,} payloads that are no events" if totals.rejected else "nothing"),
         ("keyframes", f"{totals.states:,}"),
-        ("realm", about.realm),
-        ("filter", about.filter or "everything"),
-        ("comment", about.comment),
-        ("by", " ".join(word for word in ("tcbridge", about.version, "on", about.host) if word) if about.host else ""),
-        ("attached", ", ".join(found.attachments)),
     ]
-    return [(name, text) for name, text in lines if text]
+
+
+def _print_files(found: "Sequence[RecordingInfo]") -> None:
+    rows = [
+        [
+            each.path,
+            _complete(each),
+            f"{each.totals.events:,}",
+            time_text(each.totals.first_log_time_ns, 3),
+            time_text(each.totals.last_log_time_ns, 3),
+            f"{each.size_bytes:,}",
+        ]
+        for each in found
+    ]
+    print_table(("File", "Complete", "Events", "From", "To", "Bytes"), rows)
+    print()
+
+
+def _print_gaps(gaps: "Sequence[Gap]", count: int) -> None:
+    if gaps:
+        print()
+        rows = [
+            [
+                f"{gap.count:,}",
+                f"{gap.first_key_seq}..{gap.last_key_seq}" if gap.last_key_seq else "",
+                gap.session,
+                gap.key,
+                gap.reason,
+            ]
+            for gap in gaps[:SHOWN]
+        ]
+        print_table(("Missing", "Numbers", "Session", "Key", "Why"), rows)
+        _print_rest(count - SHOWN, "gaps")
+
+
+def _print_counts(totals: "Totals", view: View) -> None:
+    counts: list[list[Cell]] = [
+        [
+            row.target,
+            view.catalog.class_name(row.event_class, view.lang),
+            KIND_WORDS.get(row.kind, row.kind),
+            severity_span(Severity(row.severity)),
+            f"{row.count:,}",
+        ]
+        for row in totals.counts
+    ]
+    if counts:
+        print()
+        print_table(("Target", "Class", "Event", "Severity", "Count"), counts)
+
+
+def _print_active(active: "Active", when: str, view: View) -> None:
+    if active.count:
+        print()
+        view.print_alarms(active.named[-SHOWN:], title=f"{active.count:,} alarms active {when}")
+        _print_rest(active.count - SHOWN, "earlier ones")
+
+
+def _print_rest(count: int, what: str) -> None:
+    if count > 0:
+        print(f"and {count:,} {what} more")
 
 
 def _span(first_ns: int, last_ns: int) -> str:

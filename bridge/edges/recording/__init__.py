@@ -4,7 +4,7 @@ from bridge.edges.recording.carried import Carried, carried
 from bridge.edges.recording.convert import Converted, convert
 from bridge.edges.recording.copying import Copied, copy_part
 from bridge.edges.recording.frames import Damage
-from bridge.edges.recording.info import ChannelInfo, RecordingInfo, scan, summary
+from bridge.edges.recording.info import ChannelInfo, RecordingInfo, missing_parts, scan, summary
 from bridge.edges.recording.layout import (
     ACTIVE_SUFFIX,
     About,
@@ -32,7 +32,7 @@ from bridge.edges.recording.reader import (
 from bridge.edges.recording.recovery import Recovered, leftovers, recover
 from bridge.edges.recording.series import Series, read_series
 from bridge.edges.recording.standing import Standing
-from bridge.edges.recording.tally import Active, EventCount, Totals
+from bridge.edges.recording.tally import Active, EventCount, Totals, joined
 from bridge.edges.recording.viewer import Viewer
 from bridge.edges.recording.writer import RecordingWriter
 
@@ -72,7 +72,9 @@ __all__ = [
     "carried",
     "convert",
     "copy_part",
+    "joined",
     "leftovers",
+    "missing_parts",
     "read_events",
     "read_series",
     "recover",

@@ -6,8 +6,9 @@ bytes inside is not complete.
 """
 
 import os
+from collections.abc import Iterable
 from io import BytesIO
-from typing import BinaryIO
+from typing import BinaryIO, Final
 
 import msgspec
 from mcap.data_stream import ReadDataStream
@@ -28,6 +29,9 @@ from bridge.edges.recording.layout import (
 from bridge.edges.recording.reader import Interpretation
 from bridge.edges.recording.records import HOSTILE, record_body
 from bridge.edges.recording.tally import Tally, Totals
+
+MAX_PARTS: Final = 10_000
+"""How far parts are counted: a number in a file is a claim."""
 
 
 class ChannelInfo(msgspec.Struct, frozen=True):
@@ -69,6 +73,20 @@ def summary(path: str | os.PathLike[str], *, limits: Limits = DEFAULT_LIMITS) ->
         raise
     except OSError as error:
         raise RecordingError(path, error.strerror or str(error)) from error
+
+
+def missing_parts(infos: Iterable[RecordingInfo]) -> list[tuple[str, int]]:
+    """Parts of split recordings that are not among the files though an earlier and a later one is: recording and number."""
+    parts: dict[str, set[int]] = {}
+    for info in infos:
+        if info.about.recording and info.about.part:
+            parts.setdefault(info.about.recording, set()).add(info.about.part)
+    return [
+        (recording, part)
+        for recording, there in parts.items()
+        for part in range(min(there), min(max(there), min(there) + MAX_PARTS))
+        if part not in there
+    ]
 
 
 def scan(path: str | os.PathLike[str], *, limits: Limits = DEFAULT_LIMITS) -> RecordingInfo:

@@ -198,3 +198,31 @@ def test_what_a_crash_left_is_recovered(
     (told,) = objects(capsys)
     assert (told["recovered"], told["kept"]) == ("c.mcap", "a.mcap")
     assert Path("a.mcap").read_bytes() == data[: len(data) // 2]
+
+
+def test_info_names_gaps_and_active_alarms(plant: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """At the start those of the keyframe, at the end what is left of all."""
+    assert run(["info", plant]) == Exit.NO
+    out = capsys.readouterr().out
+    assert "complete   no: 1 gaps, 7 events are missing" in out
+    assert "3..9" in out
+    start, end = out.split("1 alarms active at the start")[1].split("2 alarms active at the end")
+    assert "#7" in start
+    assert "#40" in end
+    assert "#30" not in end
+
+
+def test_info_of_several_files_is_of_all_and_names_a_missing_part(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each file has a line; the counts are those of all."""
+    for part in (1, 2, 4):
+        with RecordingWriter(tmp_path / f"{part}.mcap", about=replace(ABOUT, recording="night", part=part)) as writer:
+            record(writer, message(part), START + part)
+    assert run(["info", str(tmp_path)]) == Exit.NO
+    out = capsys.readouterr().out
+    assert out.count(".mcap") == 3
+    assert "events     3" in out
+    assert "missing    part 3 of recording night" in out
+    (tmp_path / "1.mcap").unlink()
+    (tmp_path / "2.mcap").unlink()
+    assert run(["info", str(tmp_path), "--json"]) == Exit.OK
+    assert [each["complete"] for each in objects(capsys)] == ["yes"]
