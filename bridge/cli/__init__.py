@@ -29,6 +29,7 @@ COMMANDS: Final = {
     "alarms": "bridge.cli.alarms:alarms",
     "log": "bridge.cli.log:log",
     "log export": "bridge.cli.log_export:export",
+    "log import": "bridge.cli.log_import:import_",
     "log clear": "bridge.cli.log_clear:clear",
     "listen": "bridge.cli.listen:listen",
     "record": "bridge.cli.record:record",

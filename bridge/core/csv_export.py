@@ -19,14 +19,14 @@ import csv
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator
-from itertools import islice
+from itertools import count, islice
 from typing import Final, TypeAlias, cast
 
 import msgspec
 
 from bridge.core.catalog import ENGLISH, Language, language_id, language_tag
 from bridge.core.event_fields import FIELD_ROWS, EventField, Names, value
-from bridge.core.events import AnyEvent, Severity
+from bridge.core.events import U32, AnyEvent, Count, Severity
 from bridge.core.filters.ast import JsonPointer
 from bridge.core.filters.pointer import NOTHING, JsonNumber, find, read_json, text_of
 from bridge.core.questions import Stored
@@ -45,11 +45,14 @@ _Cell: TypeAlias = Callable[[Stored], str]
 
 
 class CsvError(ValueError):
-    """A text that is no export: the row, counted from 1 with the header, and what is wrong."""
+    """A text that is no export: the row, counted from 1 with the header, the line it begins on, and what is wrong."""
 
-    def __init__(self, row: int, reason: str) -> None:
-        self.row, self.reason = row, reason
+    def __init__(self, row: int, reason: str, line: int = 0) -> None:
+        self.row, self.reason, self.line = row, reason, line or row
         super().__init__(f"row {row}: {reason}")
+
+
+OnBad: TypeAlias = Callable[[CsvError], None]
 
 
 class Column(msgspec.Struct, frozen=True):
@@ -278,20 +281,37 @@ def _lines(texts: Iterable[str]) -> Iterator[str]:
 
 def read_csv(texts: Iterable[str], *, delimiter: str = ";", safe: bool = True) -> Iterator[list[str]]:
     """The rows of an export as the texts that were written, the header first when it has one. CsvError for what is none."""
+    return (row for _, _, row in _rows(texts, delimiter, safe, _refuse))
+
+
+def _refuse(error: CsvError) -> None:
+    raise error
+
+
+def _rows(texts: Iterable[str], delimiter: str, safe: bool, on_bad: OnBad) -> Iterator[tuple[int, int, list[str]]]:
+    """Number, first line and texts of each row."""
     csv.field_size_limit(max(csv.field_size_limit(), MAX_CELL))
-    number = 0
     reader = csv.reader(_lines(texts), delimiter=delimiter, strict=True)
-    try:
-        for row in reader:
-            number += 1  # the handler below needs it
-            yield [unescape(cell) for cell in row] if safe else row
-    except csv.Error as error:
-        raise CsvError(number + 1, str(error)) from None
+    for number in count(1):
+        line = reader.line_num + 1
+        try:
+            row = next(reader)
+        except StopIteration:
+            return
+        except csv.Error as error:
+            on_bad(CsvError(number, str(error), line))
+        else:
+            yield number, line, [unescape(cell) for cell in row] if safe else row
 
 
-def import_csv(texts: Iterable[str], *, delimiter: str = ";", header: bool = True, safe: bool = True) -> Iterator[Stored]:
-    """The events of a lossless export, equal to those that were exported. CsvError names the row that is none."""
-    for number, row in enumerate(read_csv(texts, delimiter=delimiter, safe=safe), 1):
+def import_csv(
+    texts: Iterable[str], *, delimiter: str = ";", header: bool = True, safe: bool = True, on_bad: OnBad = _refuse
+) -> Iterator[Stored]:
+    """The events of a lossless export, equal to those that were exported.
+
+    CsvError when the export was not lossless, and for a row that is none; on_bad is told instead, and it is left out.
+    """
+    for number, line, row in _rows(texts, delimiter, safe, on_bad):
         if header and number == 1:
             if row[-1:] != [RECORD]:
                 raise CsvError(1, f"the last column is not {RECORD}: the export was not lossless")
@@ -299,27 +319,38 @@ def import_csv(texts: Iterable[str], *, delimiter: str = ";", header: bool = Tru
         try:
             yield _stored(row[-1])
         except (ValueError, IndexError, RecursionError, msgspec.MsgspecError) as error:
-            raise CsvError(number, f"no record: {error}") from None
+            on_bad(CsvError(number, f"no record: {error}", line))
 
 
-def import_jsonl(texts: Iterable[str]) -> Iterator[Stored]:
-    """The events of an export as JSON Lines. CsvError names the line that is none."""
+def import_jsonl(texts: Iterable[str], *, on_bad: OnBad = _refuse) -> Iterator[Stored]:
+    """The events of an export as JSON Lines. CsvError for a line that is none; on_bad is told instead, and it is left out."""
     for number, line in enumerate(_lines(texts), 1):
         try:
+            _check_encoding(line)
             data = json.loads(line) if "\\u" in line else None
             ids = msgspec.json.decode(line, type=_Ids) if data is None else msgspec.convert(data, _Ids)
             event = msgspec.json.decode(line, type=AnyEvent) if data is None else msgspec.convert(data, AnyEvent)
             yield Stored(event=cast(AnyEvent, event), unique_id=ids.unique_id, arrival_ns=ids.arrival_ns)
         except (ValueError, RecursionError, msgspec.MsgspecError) as error:
-            raise CsvError(number, f"no event: {error}") from None
+            on_bad(CsvError(number, f"no event: {error}"))
 
 
 class _Ids(msgspec.Struct, frozen=True):
-    unique_id: int = 0
-    arrival_ns: int = 0
+    unique_id: U32 = 0
+    arrival_ns: Count = 0
+
+
+def _check_encoding(text: str) -> None:
+    """ValueError for what is no UTF-8 (read with surrogateescape); an export writes lone surrogates as escapes."""
+    if not text.isascii():
+        try:
+            text.encode()
+        except UnicodeEncodeError as error:
+            raise ValueError(f"no UTF-8 (character {error.start + 1})") from None
 
 
 def _stored(record: str) -> Stored:
+    _check_encoding(record)
     try:
         return msgspec.json.decode(record, type=Stored)
     except (msgspec.MsgspecError, UnicodeError):

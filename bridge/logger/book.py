@@ -30,7 +30,7 @@ from bridge.edges.recording import StateFrame
 
 log: Final = logging.getLogger(__name__)
 BATCH: Final = 1000
-_NEXT_ID: Final = "next_unique_id"
+NEXT_ID: Final = "next_unique_id"
 
 
 class NotFreshError(RuntimeError):
@@ -72,12 +72,12 @@ class Book:
         self._refused = False
         left = self.cache.load_alarms(target)
         meta = self.cache.meta()
-        self._fresh = not left and _NEXT_ID not in meta
+        self._fresh = not left and NEXT_ID not in meta
         self.logbook = Logbook(
             target,
             session,
             alarms=[Kept(kept.unique_id, kept.alarm) for kept in left],
-            next_unique_id=int(meta.get(_NEXT_ID, "1")),
+            next_unique_id=int(meta.get(NEXT_ID, "1")),
             limits=limits,
         )
         self._resolve_class = resolve_class
@@ -110,7 +110,7 @@ class Book:
                 events,
                 [StoredAlarm(kept.unique_id, kept.alarm) for kept in self._owed.values() if kept is not None],
                 [key for key, kept in self._owed.items() if kept is None],
-                {_NEXT_ID: str(self.logbook.next_unique_id)},
+                {NEXT_ID: str(self.logbook.next_unique_id)},
             )
             try:
                 self.cache.append(batch)

@@ -84,6 +84,58 @@ def test_an_export_is_what_is_shown(cache: str, capsys: pytest.CaptureFixture[st
     assert not list(Path().glob("*.part"))
 
 
+@pytest.mark.parametrize("suffix", ["csv", "jsonl"])
+@pytest.mark.parametrize("order", ["", "--oldest-first", "--sort source_name"])
+def test_an_export_becomes_a_log_again(cache: str, suffix: str, order: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """With unique ids, times and numbers, in the order of arrival; ids of the next logger are above them. No alarm is in it."""
+    file = f"all.{suffix}"
+    assert run(["log", "export", file, "--cache", cache, "--lossless", *order.split()]) == Exit.OK
+    assert run(["log", "import", file, "--cache", "copy.db", "--json"]) == Exit.OK
+    assert json.loads(capsys.readouterr().out) == {"imported": 4, "bad": 0, "duplicates": 0, "cache": "copy.db"}
+    with Cache(cache) as kept, Cache("copy.db") as copy:
+        rows = [[(one.unique_id, one.arrival_ns, one.event) for one in each.query()] for each in (kept, copy)]
+        assert rows[0] == rows[1] if "sort" not in order else sorted(rows[0], key=repr) == sorted(rows[1], key=repr)
+        assert copy.load_alarms() == []
+        assert copy.meta()["next_unique_id"] == "4"
+    assert {each.name for each in Path().iterdir()} == {"log.db", "copy.db", file}
+    assert run(["log", "import", file, "--cache", "copy.db"]) == Exit.NO
+    assert "exists" in capsys.readouterr().err
+
+
+def test_arrivals_decide_the_order(cache: str) -> None:
+    """An export that was sorted by something else comes back as it arrived."""
+    events = [message_sent(seq=number, session=f"s{number % 3}", source_name=f"{(number * 7) % 10}") for number in range(1, 11)]
+    with Cache("mixed.db") as made:
+        made.append(StoreBatch([Stored(number, TIME_NS + number, event) for number, event in enumerate(events, 1)]))
+        made.flush()
+    assert run(["log", "export", "mixed.jsonl", "--cache", "mixed.db", "--sort", "source_name"]) == Exit.OK
+    assert run(["log", "import", "mixed.jsonl", "--cache", "copy.db"]) == Exit.OK
+    with Cache("copy.db") as copy:
+        assert [one.unique_id for one in copy.query(newest_first=False)] == list(range(1, 11))
+
+
+def test_bad_rows_are_told_with_their_place(cache: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """File, line and reason, and how many; the rest is imported. Of nothing but bad rows no file is made."""
+    assert run(["log", "export", "all.jsonl", "--cache", cache]) == Exit.OK
+    good = Path("all.jsonl").read_text(encoding="utf-8").splitlines()
+    Path("some.jsonl").write_text("\n".join([good[0], '{"kind": "nothing"}', good[1], good[1], "\x1b[2J"]), encoding="utf-8")
+    capsys.readouterr()
+    assert run(["log", "import", "some.jsonl", "--cache", "some.db"]) == Exit.LOST
+    found = capsys.readouterr()
+    assert found.out == "2 events imported into some.db, 1 were there twice, 2 bad rows\n"
+    assert "some.jsonl:2: row 2: no event: " in found.err
+    assert "some.jsonl:5: row 5: no event: " in found.err
+    assert "\x1b" not in found.err
+    Path("none.csv").write_text("Record\r\n" + "nothing\r\n" * 30, encoding="utf-8")
+    assert run(["log", "import", "none.csv", "--cache", "none.db"]) == Exit.NO
+    assert "row 22" not in (err := capsys.readouterr().err)
+    assert "none of 30 rows is an event" in err
+    Path("plain.csv").write_text("Time;Text\r\n1;2\r\n", encoding="utf-8")
+    assert run(["log", "import", "plain.csv", "--cache", "none.db"]) == Exit.NO
+    assert "plain.csv:1: row 1: the last column is not Record" in capsys.readouterr().err
+    assert {each.suffix for each in Path().iterdir() if each.name.startswith(("none", "plain"))} == {".csv"}
+
+
 @pytest.mark.parametrize(
     "options",
     ["--column nonsense", "--delimiter xx", "--time-format custom", "--extra-lang xx-YY", "--limit -1", "--column /a~"],

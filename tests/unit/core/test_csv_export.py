@@ -235,6 +235,23 @@ def test_what_is_no_export_is_refused_with_its_row(text: str, at: int, reason: s
         list(import_jsonl(["{}\n"]))
 
 
+def test_bad_rows_are_told_and_left_out() -> None:
+    """Each with its row, the line it begins on and what is wrong; all others come, also behind an open quote and no UTF-8."""
+    rows = [row(message_sent(source_name="a\nb", seq=number), number) for number in range(1, 5)]
+    columns = (Column(EventField.SOURCE_NAME),)
+    head, *pieces = (list(export_csv([each], CATALOG, CsvSettings(columns=columns, lossless=True))) for each in rows)
+    made = [*head, "x;not json\r\n", pieces[0][1], '"x"y;{}\r\n', pieces[1][1], "caf\udce9\r\n", pieces[2][1], '"open;']
+    told: list[CsvError] = []
+    assert list(import_csv(made, on_bad=told.append)) == rows
+    assert [(error.row, error.line) for error in told] == [(3, 4), (5, 7), (7, 10), (9, 13)]
+    assert [error.reason.partition(":")[0] for error in told][::2] == ["no record", "no record"]
+    assert "no UTF-8 (character 4)" in told[2].reason
+    lines = [*export_jsonl(rows[:1], CATALOG), "{}\n", "caf\udce9\n", *export_jsonl(rows[1:2], CATALOG)]
+    told.clear()
+    assert list(import_jsonl(lines, on_bad=told.append)) == rows[:2]
+    assert [(error.row, error.line) for error in told] == [(2, 2), (3, 3)]
+
+
 @pytest.mark.parametrize("delimiter", ["", ";;", '"', "'", "\r", "\n", "a", "1"])
 def test_a_delimiter_must_be_told_from_the_rest(delimiter: str) -> None:
     """One character that is no quote, line end, letter or digit."""
