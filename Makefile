@@ -28,7 +28,7 @@ lint: .venv/.dev
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy bridge tests benches
-	$(BIN)/mypy examples/*.py
+	MYPYPATH=examples/tccom $(BIN)/mypy examples/*.py examples/tccom/*.py
 	$(BIN)/lint-imports --no-cache --no-logo
 
 slow: .venv/.slow
