@@ -145,6 +145,7 @@ class Files:
     def keyframe(self, at_ns: int, target: str | None = None) -> None:
         """Write the state as it is here, of one target or of all."""
         writer = self._open_writer()
+        at_ns = max(at_ns, self._last_ns + 1)
         for frame in self.states.frames(self._about.realm, self._choice.takes):
             if target in (None, frame.target):
                 self._last_ns = writer.add_state(frame, at_ns)
@@ -154,6 +155,7 @@ class Files:
         """Write one item as far as the recording takes it, into the next file if this one is full or old."""
         self.tick(at_ns)
         writer = self._open_writer()
+        at_ns = max(at_ns, self._last_ns + 1)  # the writer knows the times of its own file only
         self.states.take(item)
         match item:
             case Heard(event, element, encoding):
@@ -198,7 +200,8 @@ class Files:
 
     def miss(self, count: int, reason: str, at_ns: int) -> None:
         """Write that so many events are missing here, nobody knows which."""
-        self._add_gap(Gap(session="", key="", first_key_seq=0, last_key_seq=0, count=count, reason=reason), at_ns)
+        gap = Gap(session="", key="", first_key_seq=0, last_key_seq=0, count=count, reason=reason)
+        self._add_gap(gap, max(at_ns, self._last_ns + 1))
 
     def _add_gap(self, gap: Gap, at_ns: int) -> None:
         self._last_ns = self._open_writer().add_gap(gap, at_ns)

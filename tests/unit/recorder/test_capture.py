@@ -90,6 +90,19 @@ def test_what_must_leave_memory_early_is_a_gap_of_the_window_that_wanted_it() ->
     assert window.events == [n * 10 for n in range(21, 30)]
 
 
+def test_early_leavers_are_counted_one_by_one() -> None:
+    """Also when many come at once; those of 1/256 of the time before, in which the window begins, are all counted."""
+    story = Story(max_events=10)
+    for number in range(1000):
+        story.windows.take(heard(message(number)), story.at(20) + number)
+    story.events(triggers=(25,))
+    (window,) = story.out.windows
+    gap = window.items[0][0]
+    assert isinstance(gap, Gap)
+    assert gap.missing.count == 990
+    assert window.events == [*range(990, 1000), 250]
+
+
 def test_early_leavers_of_long_ago_are_no_loss() -> None:
     """What left early and would have been too old anyway is not missing."""
     story = Story(max_events=4).events(*range(10), *range(40, 44), triggers=(43.5,))
