@@ -4,73 +4,30 @@ Each test makes two network namespaces with a veth between them and takes them a
 """
 
 import contextlib
-import itertools
-import os
-import shutil
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import msgspec
 import pytest
 
 from bridge.edges.recording import read_events
 from tests.conftest import new_port
+from tests.e2e.two_hosts import Host, needs_namespaces, two_hosts
 
 ROOT = Path(__file__).parents[2]
 CLASS = "54cc5482-ad79-4cdc-8c3e-b3983b36ed66"
-_numbers = itertools.count()
 
-pytestmark = pytest.mark.skipif(
-    os.geteuid() != 0 or shutil.which("ip") is None, reason="network namespaces need root and iproute2"
-)
-
-
-class Host(NamedTuple):
-    """One namespace and its address on the wire."""
-
-    name: str
-    address: str
-
-    def command(self, *arguments: str) -> list[str]:
-        return ["ip", "netns", "exec", self.name, *arguments]
-
-    def run(self, *arguments: str, timeout_s: float = 60) -> str:
-        command = self.command(*arguments)
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=timeout_s)
-        assert done.returncode == 0, f"{command}: {done.stderr}"
-        return done.stdout
-
-    def tcbridge(self, *arguments: str) -> list[str]:
-        return self.command(sys.executable, "-m", "bridge.cli", *arguments)
-
-
-def _ip(*arguments: str) -> None:
-    subprocess.run(["ip", *arguments], check=True, capture_output=True, timeout=20)
+pytestmark = needs_namespaces
 
 
 @pytest.fixture
 def hosts() -> Iterator[tuple[Host, Host]]:
-    """Two hosts that can reach each other, with a route for multicast."""
-    mark = f"{os.getpid() % 100000:05d}{next(_numbers)}"
-    pair = Host(f"tcb-a{mark}", "10.99.0.1"), Host(f"tcb-b{mark}", "10.99.0.2")
-    try:
-        for host in pair:
-            _ip("netns", "add", host.name)
-        _ip("link", "add", "wire", "netns", pair[0].name, "type", "veth", "peer", "name", "wire", "netns", pair[1].name)
-        for host in pair:
-            _ip("-n", host.name, "address", "add", f"{host.address}/24", "dev", "wire")
-            for link in ("lo", "wire"):
-                _ip("-n", host.name, "link", "set", link, "up", "multicast", "on")
-            _ip("-n", host.name, "route", "add", "224.0.0.0/4", "dev", "wire")
+    """Two hosts that can reach each other."""
+    with two_hosts() as pair:
         yield pair
-    finally:
-        for host in pair:
-            with contextlib.suppress(subprocess.CalledProcessError):
-                _ip("netns", "delete", host.name)
 
 
 @contextlib.contextmanager
@@ -80,8 +37,8 @@ def running(command: list[str]) -> Iterator[subprocess.Popen[str]]:
         assert process.stdout is not None
         assert process.stderr is not None
         try:
-            line = (process.stdout if "serve" in command else process.stderr).readline()
-            assert any(word in line for word in ("ready", "listening", "recording")), line
+            lines = iter((process.stdout if "serve" in command else process.stderr).readline, "")
+            assert any(word in line for line in lines for word in ("ready", "listening", "recording")), process.poll()
             yield process
         finally:
             if process.poll() is None:
