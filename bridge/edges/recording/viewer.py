@@ -7,8 +7,8 @@
 Rule 1: these channels repeat what the others hold, for eyes. Readers of ours pass them over, and they count nowhere.
 Rule 2: a message stands right behind the one it speaks of and has its log time.
 Rule 3: texts are those of the language and classes known at that moment; of an unknown class "<GUID>#7 (a, b)".
-Rule 4: the definition of a class that neither the program nor an attachment has is attached as soon as it is known, so that
-texts can be made again from the file alone, in another language too.
+Rule 4: the definition of a class that neither the program nor an attachment has is attached with the first flush after it is
+known, so that texts can be made again from the file alone, in another language too.
 Rule 5: a life begins with its raise, as in the log. It is finished when it is neither raised nor waits for confirmation, or
 when the alarm is raised again before it was confirmed.
 

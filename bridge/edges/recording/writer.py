@@ -191,8 +191,6 @@ class RecordingWriter:
         if self._viewer is not None:
             for said in self._viewer.event(event, log_time):
                 self.add_for_viewers(*said, self._viewer.metadata)
-            if event.event_class in self._unexplained:
-                self._explain(event)
         return log_time
 
     def add_rejected(self, key: str, encoding: str, payload: bytes, reason: str, arrival_ns: int) -> int:
@@ -250,15 +248,16 @@ class RecordingWriter:
         with self._writing():
             self._mcap.add_metadata(plain(name), {plain(key): plain(text) for key, text in texts.items()})
 
-    def _explain(self, event: AnyEvent) -> None:
-        """Attach the definition of the event's class, once it is known and if nobody else has it."""
-        found = self._viewer.known(event).lookup(event.event_class) if self._viewer is not None else None
-        if self._viewer is not None and found is not None:
-            del self._unexplained[event.event_class]
-            definition = self._viewer.definition(found)
-            self._explained.add(event.event_class)
-            if definition is not None:
-                self.attach(definition)
+    def _explain(self) -> None:
+        """Attach the definitions of classes that are known by now, if nobody else has them."""
+        for event in tuple(self._unexplained.values()):
+            found = self._viewer.known(event).lookup(event.event_class) if self._viewer is not None else None
+            if self._viewer is not None and found is not None:
+                del self._unexplained[event.event_class]
+                self._explained.add(event.event_class)
+                definition = self._viewer.definition(found)
+                if definition is not None:
+                    self.attach(definition)
 
     def attach(self, attachment: Attachment) -> None:
         """Carry a file in the recording. It is on disk after the next flush()."""
@@ -270,6 +269,7 @@ class RecordingWriter:
     def flush(self) -> None:
         """Hand everything to the operating system: what was added survives the death of this process."""
         with self._writing():
+        self._explain()
             self._mcap.flush()  # type: ignore[no-untyped-call]
             if self._sync:
                 os.fsync(self._file.fileno())
@@ -282,8 +282,7 @@ class RecordingWriter:
         unknown_tails: the sessions that were heard but did not say where they ended; with any, the recording is not complete.
         next_file: the name of the file in which the recording goes on.
         """
-        for event in tuple(self._unexplained.values()):
-            self._explain(event)
+        self._explain()
         summary = self._tally.totals(tuple(unknown_tails), plain(next_file)).metadata()
         with self._writing():
             self._mcap.add_metadata(SUMMARY_METADATA, summary)

@@ -251,11 +251,13 @@ def attached(path: Path) -> list[str]:
 
 
 def test_a_class_that_nobody_else_has_is_attached_once_it_is_known(tmp_path: Path) -> None:
-    """As soon as it is: a recorder that is killed later has it. What is the program's own is not attached."""
+    """With the next flush: a recorder that is killed later has it. What is the program's own is not attached."""
     known = Catalog()
     eyes = Viewer(lambda event: known)
     with RecordingWriter(tmp_path / "a.mcap", viewer=eyes) as writer:
         record(writer, message(1), START)
+        writer.flush()
+        assert [place for place in scan(writer.active_path).attachments if place.endswith(".tmc")] == []
         known = CATALOG
         record(writer, message(2), START)
         record(writer, message(3), START, codec.MSGPACK)
