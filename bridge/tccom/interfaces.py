@@ -6,7 +6,7 @@
 
 Rule 1: an interface is a Protocol with an id. A class offers it by naming it among its bases.
 Rule 2: every method answers an HRESULT: Answer(value) is S_OK, Answer(value, S_FALSE) informs, AdsError refuses. Whatever
-else a method raises reaches its caller as ADS_E_EXCEPTION.
+else a method raises reaches its caller as ADS_E_EXCEPTION, SystemExit too: nobody ends another's thread.
 Rule 3: under one id an interface never changes. Its fingerprint (method names, parameters, types) is compared wherever two
 declarations meet: in one process, with the one written into the decorator, and between two processes at the call.
 Rule 4: a new version gets an id of its own and names what it hides. Who offers a derived interface offers its bases too.
@@ -90,8 +90,10 @@ def _own(kind: object) -> InterfaceInfo | None:
     return info if isinstance(info, InterfaceInfo) else None
 
 
-def _method(owner: type, function: FunctionType) -> Method:
-    where = f"{owner.__name__}.{function.__name__}"
+def _method(owner: type, name: str, function: object) -> Method:
+    where = f"{owner.__name__}.{name}"
+    if not isinstance(function, FunctionType) or inspect.iscoroutinefunction(function):
+        raise TypeError(f"{where} is no plain method: an interface has nothing else")
     hints = typing.get_type_hints(function, include_extras=True)
     fields: list[tuple[str, object] | tuple[str, object, object]] = []
     for parameter in list(inspect.signature(function).parameters.values())[1:]:
@@ -102,8 +104,8 @@ def _method(owner: type, function: FunctionType) -> Method:
     returns = hints.get("return")
     if typing.get_origin(returns) is not Answer:
         raise TypeError(f"{where} must return Answer[...]: every method of an interface answers an HRESULT")
-    arguments = msgspec.defstruct(function.__name__, fields, forbid_unknown_fields=True, frozen=True)
-    return Method(function.__name__, arguments, typing.get_args(returns)[0])
+    arguments = msgspec.defstruct(name, fields, forbid_unknown_fields=True, frozen=True)
+    return Method(name, arguments, typing.get_args(returns)[0])
 
 
 def interface(interface_id: str, *, hides: tuple[Interface[object], ...] = (), fingerprint: str = "") -> Callable[[T], T]:
@@ -116,9 +118,8 @@ def interface(interface_id: str, *, hides: tuple[Interface[object], ...] = (), f
         assert isinstance(protocol, type)
         bases = [info for info in map(_own, protocol.__mro__) if info is not None]
         methods = {name: method for base in reversed(bases) for name, method in base.methods.items()}
-        for name, value in vars(protocol).items():
-            if isinstance(value, FunctionType) and not name.startswith("_"):
-                methods[name] = _method(protocol, value)
+        own = {**dict.fromkeys(inspect.get_annotations(protocol)), **vars(protocol)}
+        methods |= {name: _method(protocol, name, value) for name, value in own.items() if not name.startswith("_")}
         mark = fingerprint_of([(one.name, one.arguments, one.returns) for one in methods.values()])
         iid = guid(interface_id)
         known = _DECLARED.get(iid)
@@ -207,7 +208,7 @@ def carry_out(implementation: object, method: Method, arguments: msgspec.Struct)
         answer = getattr(implementation, method.name)(**given)
     except AdsError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise AdsError(ADS_E_EXCEPTION, f"{method.name}: {type(error).__name__}: {error}") from error
     if not isinstance(answer, Answer):
         raise AdsError(ADS_E_EXCEPTION, f"{method.name} returned {answer!r}; expected Answer(...)")

@@ -206,7 +206,7 @@ class LiveObject:
             with _in_step(self.object_id, step):
                 self._prepare(step)
                 self._hook(step)()
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             self._unwind(step.transition, step)
             raise self._failed(step, error, begun_ns) from error
         except BaseException as error:
@@ -220,7 +220,7 @@ class LiveObject:
         try:
             with _in_step(self.object_id, step):
                 self._hook(step)()
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             failure = self._failed(step, error, begun_ns)
             if not force:
                 raise failure from error

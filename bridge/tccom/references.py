@@ -58,10 +58,10 @@ class Reference(Generic[T]):
         self.owner, self.held = owner, held
         self.info, self._released = info, released
         self._lock = threading.Lock()
-        self._count = 0
+        self._count = 1
         self.interface: T = stub(interface, self.call)
         """The methods of the object."""
-        self.add_ref()
+        held.add_ref()
 
     @property
     def object_id(self) -> ObjectId:
@@ -69,8 +69,9 @@ class Reference(Generic[T]):
         return self.held.object_id
 
     def add_ref(self) -> int:
-        """Hold it once more (TcAddRef)."""
+        """Hold it once more (TcAddRef); AdsError (E_POINTER) when it is not held any more."""
         with self._lock:
+            self._check()
             count = self.held.add_ref()
             self._count += 1
             return count

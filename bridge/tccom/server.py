@@ -26,6 +26,7 @@ from bridge.core.hresult import (
     ADS_E_NOMOREHDLS,
     ADS_E_NOTFOUND,
     ADS_E_SRVNOTSUPP,
+    E_NOTIMPL,
     AdsError,
 )
 from bridge.tccom.declarations import Address, checked_address
@@ -45,7 +46,7 @@ from bridge.tccom.identity import (
     is_object_id,
     parse_id,
 )
-from bridge.tccom.interfaces import DONE, Answer, Interface
+from bridge.tccom.interfaces import DONE, Answer, Interface, missing
 from bridge.tccom.module import Module
 from bridge.tccom.objects import LiveObject, current_step
 from bridge.tccom.references import Reference
@@ -157,6 +158,8 @@ class ObjectServer:
             raise AdsError(ADS_E_EXISTS, f"{module._place} is registered already")
         if state is State.INIT:
             raise AdsError(ADS_E_INVALIDSTATE, "INIT is a state in passing: create an object in PREOP or above")
+        if absent := missing(type(module)):
+            raise AdsError(E_NOTIMPL, f"{type(module).__name__} does not implement {', '.join(absent)}")
         object_id = self._reserve(object_id)
         live = LiveObject(module, self, object_id, name or type(module).__name__, parent_id)
         try:

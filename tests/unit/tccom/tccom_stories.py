@@ -1,5 +1,6 @@
 """Modules that the stories about TcCOM share."""
 
+import threading
 from collections.abc import Callable
 from typing import Protocol
 
@@ -7,9 +8,10 @@ import msgspec
 
 from bridge.core.hresult import S_FALSE
 from bridge.tccom.declarations import DataArea, InterfacePointer, Parameter, Settable
-from bridge.tccom.interfaces import Answer, interface
+from bridge.tccom.interfaces import DONE, Answer, interface
 from bridge.tccom.module import Module
-from bridge.tccom.states import Transition
+from bridge.tccom.states import State, Transition
+from bridge.tccom.tasks import CyclicModule
 
 
 @interface("6b3f0bcd-3f8c-4d0c-9f39-5f8d7b1d0a11")
@@ -85,3 +87,22 @@ class Scripted(Module):
 
     def on_pi(self) -> None:
         self._note(Transition.PI)
+
+
+class Counter(CyclicModule):
+    """Counts its cycles, and does in each what a test asks for."""
+
+    class_id = "33333333-0000-4000-8000-000000000001"
+
+    def __init__(self, does: Callable[["Counter"], object] = lambda _: None) -> None:
+        self.does = does
+        self.cycles = 0
+        self.reached = threading.Event()
+
+    def cycle_update(self, context_id: int, cycle_ns: int) -> Answer[None]:
+        self.cycles += 1
+        assert self.state is State.OP
+        if self.cycles >= 5:
+            self.reached.set()
+        self.does(self)
+        return DONE

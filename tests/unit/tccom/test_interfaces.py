@@ -142,7 +142,7 @@ def test_prose_is_no_change() -> None:
 
 
 def test_what_could_not_be_called_over_a_bus_is_no_interface() -> None:
-    """Parameters without a type, lists of parameters, results that are no Answer and types that have no plain form."""
+    """Parameters without a type, lists of parameters, results that are no Answer, types that have no plain form, attributes."""
 
     class Untyped(Protocol):
         def one(self, a) -> Answer[int]: ...  # type: ignore[no-untyped-def] # the mistake the test is about
@@ -159,7 +159,17 @@ def test_what_could_not_be_called_over_a_bus_is_no_interface() -> None:
     class Opaque(Protocol):
         def one(self, a: Thing) -> Answer[int]: ...
 
-    for wrong in (Untyped, Open, Bare, Opaque):
+    class Later(Protocol):
+        async def one(self, a: int) -> Answer[int]: ...
+
+    class Attribute(Protocol):
+        a: int
+
+    class Property(Protocol):
+        @property
+        def a(self) -> Answer[int]: ...
+
+    for wrong in (Untyped, Open, Bare, Opaque, Later, Attribute, Property):
         with pytest.raises(TypeError):
             interface("11111111-0000-4000-8000-000000000006")(wrong)
 
@@ -199,6 +209,9 @@ class _Odd:
     def broken(self) -> Answer[None]:
         raise KeyError("x")
 
+    def leaving(self) -> Answer[None]:
+        raise SystemExit(1)
+
     def bare(self) -> int:
         return 1
 
@@ -209,7 +222,13 @@ class _Nothing(msgspec.Struct):
 
 @pytest.mark.parametrize(
     ("name", "code"),
-    [("negative", ADS_E_NOTFOUND), ("refusal", ADS_E_NOTFOUND), ("broken", ADS_E_EXCEPTION), ("bare", ADS_E_EXCEPTION)],
+    [
+        ("negative", ADS_E_NOTFOUND),
+        ("refusal", ADS_E_NOTFOUND),
+        ("broken", ADS_E_EXCEPTION),
+        ("leaving", ADS_E_EXCEPTION),
+        ("bare", ADS_E_EXCEPTION),
+    ],
 )
 def test_a_negative_hresult_is_raised(name: str, code: int) -> None:
     """Returned or raised, or an exception that is none of ours: the caller gets an AdsError."""

@@ -1,5 +1,7 @@
 """Objects come, are found, held and moved, and go."""
 
+import sys
+
 import pytest
 
 from bridge.core.hresult import (
@@ -11,6 +13,7 @@ from bridge.core.hresult import (
     ADS_E_INVALIDSTATE,
     ADS_E_NOINTERFACE,
     ADS_E_NOTFOUND,
+    E_NOTIMPL,
     E_POINTER,
     S_FALSE,
     AdsError,
@@ -18,6 +21,7 @@ from bridge.core.hresult import (
 from bridge.tccom.general import IObject, IObjectServer
 from bridge.tccom.identity import CREATE_NEW_ID, FIRST_FREE_ID, LAST_FREE_ID, OBJECT_SERVER_ID
 from bridge.tccom.interfaces import Answer
+from bridge.tccom.module import Module
 from bridge.tccom.reports import Report, ReportKind
 from bridge.tccom.server import ObjectServer
 from bridge.tccom.states import State
@@ -56,7 +60,7 @@ def test_an_object_lives_as_long_as_it_is_held() -> None:
 
 
 def test_holders_are_counted() -> None:
-    """The object server is one; add_ref and release answer the count; more than was taken is not given back."""
+    """The object server is one; add_ref and release answer the count; what was given back is not taken again."""
     with ObjectServer() as server:
         reference = server.create(Calculation, ICalculation)
         assert [reference.add_ref(), reference.add_ref()] == [3, 4]
@@ -64,9 +68,10 @@ def test_holders_are_counted() -> None:
             assert found.get_object_id().value == reference.object_id
             assert server.object_info(reference.object_id).references == 5
         assert [reference.release(), reference.release(), reference.release()] == [3, 2, 1]
-        with pytest.raises(AdsError) as failure:
-            reference.release()
-        assert failure.value.code == E_POINTER
+        for call in (reference.release, reference.add_ref, reference.turn, lambda: reference.query(IObject)):
+            with pytest.raises(AdsError) as failure:
+                call()
+            assert failure.value.code == E_POINTER
         reference.safe_release()
         assert server.object_info(reference.object_id).references == 1
 
@@ -165,6 +170,27 @@ def test_a_hook_that_fails_leaves_what_the_last_completed_step_left() -> None:
         server.delete(object_id)
         assert server.object_info(provider.object_id).references == 2
         assert module.noted == ["IP", "PS", "SO", "SO", "OS", "SP", "PI"]
+
+
+def test_a_hook_that_ends_the_program_has_failed() -> None:
+    """sys.exit() in a hook is a failure like any other: the thread that moves the object is somebody else's."""
+    with ObjectServer() as server:
+        object_id = server.add(Scripted(PS=lambda _: sys.exit(1), SP=lambda _: sys.exit(1)))
+        with pytest.raises(AdsError, match="SystemExit"):
+            server.set_state(object_id, State.OP)
+        assert server.object_info(object_id).state is State.PREOP
+
+
+def test_a_module_that_does_not_do_what_it_offers_is_refused() -> None:
+    """Also when it has no class id."""
+
+    class Lazy(Module, ICalculation):
+        pass
+
+    with ObjectServer() as server:
+        with pytest.raises(AdsError, match=r"ICalculation\.addition") as failure:
+            server.add(Lazy())  # type: ignore[abstract] # the mistake the test is about
+        assert failure.value.code == E_NOTIMPL
 
 
 def test_connecting_in_ip_is_refused() -> None:

@@ -2,39 +2,19 @@
 
 import threading
 import time
-from collections.abc import Callable
 
 import pytest
 
 from bridge.core.hresult import ADS_E_EXCEPTION, ADS_E_EXISTS, ADS_E_INVALIDPARM, ADS_E_NOTFOUND, AdsError
 from bridge.tccom.general import ICyclic, ICyclicCaller, ITask
 from bridge.tccom.identity import FIRST_TASK_ID
-from bridge.tccom.interfaces import DONE, Answer
 from bridge.tccom.reports import Report, ReportKind
 from bridge.tccom.server import ObjectServer
 from bridge.tccom.states import State
-from bridge.tccom.tasks import CyclicModule, Task, next_cycle
+from bridge.tccom.tasks import Task, next_cycle
+from tests.unit.tccom.tccom_stories import Counter
 
 PATIENCE_S = 30.0
-
-
-class Counter(CyclicModule):
-    """Counts its cycles, and does in each what a test asks for."""
-
-    class_id = "33333333-0000-4000-8000-000000000001"
-
-    def __init__(self, does: Callable[["Counter"], object] = lambda _: None) -> None:
-        self.does = does
-        self.cycles = 0
-        self.reached = threading.Event()
-
-    def cycle_update(self, context_id: int, cycle_ns: int) -> Answer[None]:
-        self.cycles += 1
-        assert self.state is State.OP
-        if self.cycles >= 5:
-            self.reached.set()
-        self.does(self)
-        return DONE
 
 
 def test_a_module_is_called_in_op_only() -> None:
