@@ -19,7 +19,6 @@ from tests.e2e.fault_stories import eventually, program
 
 FLUSH_MS = 250.0
 TRANSITION_MS = 50.0
-RATE = 20_000
 ROOM = 4_000_000
 
 RECORDER = """
@@ -83,15 +82,21 @@ def lost_ms(there: set[int], noted: "array[int]", killed_ns: int) -> tuple[float
     return ages[0], ages[1]
 
 
-@pytest.mark.parametrize("kills", [1, pytest.param(20, marks=pytest.mark.slow)])
-def test_a_recorder_that_is_killed_at_random_moments(kills: int, bus_config: BusConfig, tmp_path: Path) -> None:
-    """At most the flush interval of messages is lost, no transition older than 50 ms, and the next start recovers the file."""
+@pytest.mark.parametrize(
+    ("kills", "rate"),
+    [(1, 20_000), pytest.param(20, 20_000, marks=pytest.mark.slow), pytest.param(8, 1000, marks=pytest.mark.slow)],
+)
+def test_a_recorder_that_is_killed_at_random_moments(kills: int, rate: int, bus_config: BusConfig, tmp_path: Path) -> None:
+    """At most the flush interval of messages is lost, no transition older than 50 ms, and the next start recovers the file.
+
+    At 20,000 events/s chunks get full faster than the flush interval, at 1,000 it is the timer that writes them.
+    """
     seed = random.randrange(2**32)
     sys.stdout.write(f"seed {seed}\n")
     moments = random.Random(seed)
     folder = tmp_path / "night"
     ages, readable = [], []
-    with program(bus_config.scouting_group, str(RATE), code=PLANT) as plant:
+    with program(bus_config.scouting_group, str(rate), code=PLANT) as plant:
         assert plant.line() == "running"
         for number in range(kills):
             notes = tmp_path / f"arrivals{number}"
@@ -107,7 +112,7 @@ def test_a_recorder_that_is_killed_at_random_moments(kills: int, bus_config: Bus
             (left,) = leftovers(folder)
             readable.append(places(left))
             ages.append(lost_ms(set(readable[-1]), noted, killed_ns))
-            assert sum(1 for arrival_ns in noted if arrival_ns) > 1000
+            assert sum(1 for arrival_ns in noted if arrival_ns) > rate / 20
         notes.unlink()
         notes.touch()
         with open(notes, "r+b") as file:
