@@ -39,6 +39,7 @@ COMMANDS: Final = {
     "cat": "bridge.cli.cat:cat",
     "cut": "bridge.cli.cut:cut",
     "merge": "bridge.cli.cut:merge",
+    "diff": "bridge.cli.diff:diff",
     "recover": "bridge.cli.recover:recover",
     "convert": "bridge.cli.convert:convert",
     "filter explain": "bridge.cli.filter:explain",

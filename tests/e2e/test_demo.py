@@ -7,7 +7,11 @@ import sys
 import time
 from pathlib import Path
 
+import msgspec
 import pytest
+
+from bridge.core import codec
+from bridge.edges.recording import RecordedEvent, RecordingWriter, read_events
 
 ROOT = Path(__file__).parents[2]
 
@@ -95,3 +99,38 @@ def test_no_process_stays(demo: tuple[Path, "subprocess.CompletedProcess[str]", 
         if realm.encode() in line:
             left.append(line)
     assert left == []
+
+
+def another_day(recording: Path, new: Path) -> None:
+    """The same run a day later by another logger session, without the oil's alarm and with the door open for 5 s more."""
+    day_ns, longer_ns = 86_400_000_000_000, 5_000_000_000
+    with read_events(recording) as reader, RecordingWriter(new, about=reader.about) as writer:
+        for item in reader:
+            if not isinstance(item, RecordedEvent) or (item.event.is_alarm and item.event.event_id == 3):
+                continue
+            event = item.event
+            more_ns = longer_ns if event.kind == "alarm_cleared" and event.event_id == 2 else 0
+            times = {
+                name: value + day_ns + (more_ns if name != "time_raised_ns" else 0)
+                for name in ("time_ns", "time_raised_ns", "time_cleared_ns", "time_confirmed_ns")
+                if (value := getattr(event, name))
+            }
+            event = msgspec.structs.replace(event, session=f"{event.session}-2", **times)
+            writer.add(codec.encode(event), codec.JSON, item.key, event, item.log_time_ns + day_ns)
+
+
+def test_two_runs_are_compared(demo: tuple[Path, "subprocess.CompletedProcess[str]", float]) -> None:
+    """Of another run with one alarm removed and one lengthened, diff names exactly these; of the same nothing."""
+    folder = demo[0]
+    another_day(folder / "kept" / "demo.mcap", folder / "later.mcap")
+    same = tcbridge(folder, "diff", "kept/demo.mcap", "kept")
+    assert (same.returncode, same.stdout) == (0, "no difference\n")
+    found = tcbridge(folder, "diff", "kept/demo.mcap", "later.mcap")
+    assert (found.returncode, found.stderr) == (1, "")
+    lines = [line.split() for line in found.stdout.splitlines()]
+    assert [line[:2] for line in lines] == [["Alarm", "is"], ["longer", "5.000"], ["gone", "warning"]]
+    told = [json.loads(line) for line in tcbridge(folder, "diff", "kept/demo.mcap", "later.mcap", "--json").stdout.splitlines()]
+    assert [(each["what"], each["event_id"], each["by_ns"]) for each in told] == [("longer", 2, 5_000_000_000), ("gone", 3, 0)]
+    assert [each["text"] for each in told] == ["Safety door north is open", "Oil has 68.5 °C, allowed are 60"]
+    back = tcbridge(folder, "diff", "later.mcap", "kept/demo.mcap", "--align", "severity >= warning", "--json")
+    assert [json.loads(line)["what"] for line in back.stdout.splitlines()] == ["shorter", "new"]
