@@ -67,6 +67,7 @@ __all__ = [
 ]
 
 BATCH: Final = 64
+HAND_OVER_ITEMS: Final = 1024
 FULL_ROUNDS: Final = DEFAULT_CAPACITY // BATCH
 """A channel that is never empty holds so many batches at most."""
 
@@ -149,9 +150,13 @@ class Listener(Handover):
     def _drain(self, receiver: Receiver) -> None:
         while arrivals := receiver.receive_now(BATCH) or self._rest(receiver):
             out: list[Item] = []
-            with self._work:
-                for arrival in arrivals:
+            for arrival in arrivals:
+                with self._work:
                     self._take(arrival, out)
+                if len(out) >= HAND_OVER_ITEMS:
+                    self._inbox.put(out)
+                    out = []
+                    time.sleep(0)  # lets the user's thread in while what it takes is still in the processor's cache
             if out:
                 self._inbox.put(out)
             self._rounds[receiver] += 1

@@ -1,7 +1,8 @@
 """Events out: number, encode, keep, hand to the bus.
 
 Rule 1: send() encodes once, numbers the event (seq of the session, key_seq of session and key) and returns; one thread of
-ours hands what is waiting to the bus, grouped by key, at most 256 events per put. A lone event goes at once.
+ours hands what is waiting to the bus, grouped by key, at most 256 events per put. A lone event goes at once; a key that has
+256 waiting behind others lets that thread in, so that a burst does not wait in the queue.
 Rule 2: what was sent is kept in a ring (65,536 events or 32 MB) for those who missed it; they ask on @sent/{session}.
 Rule 3: when the queue is full, on_full decides: "drop" lets the oldest messages leave the queue (they stay in the ring and
 can be asked for) and refuses an alarm transition when only transitions are left; "wait" makes send() wait.
@@ -21,10 +22,12 @@ from types import TracebackType
 from typing import Final, TypeVar
 
 import msgspec
+from msgspec.structs import replace
 
+from bridge.batches import Batch, KeyState, Ring, find
 from bridge.clock import SteadyClock
 from bridge.core import codec, keys
-from bridge.core.arguments import Argument, Value, guid
+from bridge.core.arguments import ZERO_GUID, Argument, Value, guid
 from bridge.core.events import (
     DEFAULT_LIMITS,
     MAX_U32,
@@ -38,12 +41,14 @@ from bridge.core.events import (
 )
 from bridge.core.sequence import Beat, Missing
 from bridge.core.times import MAX_TIME_NS
-from bridge.edges.bus import Bus, BusError, Question, Refusal, Reply, Sender
+from bridge.edges.bus import Bus, BusError, Question, Refusal, Reply
 from bridge.inbox import OnFull
 
 _E = TypeVar("_E", bound=AnyEvent)
 log: Final = logging.getLogger(__name__)
 PUT_EVENTS: Final = 256
+ROUND_EVENTS: Final = 4096
+"""How many events, about, the publishing thread takes before it looks at the queue again."""
 REPLY_EVENTS: Final = 1000
 BEAT_S: Final = 1.0
 BEAT_MEMORY_S: Final = 60.0
@@ -69,65 +74,6 @@ class Counters(msgspec.Struct):
     dropped: int = 0
     unsent: int = 0
     repaired: int = 0
-
-
-class _Key:
-    """What is known of one key: its number, what waits, who carries it."""
-
-    __slots__ = ("changed", "is_alarm", "key", "put_key_seq", "sender", "sent_key_seq", "used_s", "waiting")
-
-    def __init__(self, key: str, is_alarm: bool) -> None:
-        self.key = key
-        self.is_alarm = is_alarm
-        self.sender: Sender | None = None
-        self.sent_key_seq = 0
-        self.put_key_seq = 0
-        self.used_s = 0.0
-        self.waiting: deque[_Entry] = deque()
-        self.changed = False
-
-
-class _Entry(msgspec.Struct, gc=False):
-    """One encoded event: in the queue, and in the ring. Not tracked by the garbage collector, whose passes would cost more
-    than the rest of send()."""
-
-    seq: int
-    key_seq: int
-    element: bytes
-    state: _Key
-
-
-class _Kept:
-    """The ring: the last events as they were encoded."""
-
-    def __init__(self, events: int, size: int) -> None:
-        self._events = events
-        self._size = size
-        self._bytes = 0
-        self._ring: deque[_Entry] = deque()
-        self.evicted_seq = 0
-
-    def add(self, entry: _Entry) -> None:
-        ring = self._ring
-        ring.append(entry)
-        self._bytes += len(entry.element)
-        while len(ring) > self._events or self._bytes > self._size:
-            old = ring.popleft()
-            self.evicted_seq = old.seq
-            self._bytes -= len(old.element)
-
-    def entries(self) -> list[_Entry]:
-        return list(self._ring)
-
-    @staticmethod
-    def find(entries: list[_Entry], missing: Missing) -> list[bytes]:
-        return [
-            entry.element
-            for entry in entries
-            if entry.state.key == missing.key
-            and missing.first <= entry.key_seq <= missing.last
-            and entry.seq > missing.after_seq
-        ]
 
 
 class Publisher:
@@ -161,15 +107,19 @@ class Publisher:
         self._encoding, self._limits, self._object_id = encoding, limits, object_id
         self._may_drop, self._queue_events, self._clock = on_full == "drop", queue_events, SteadyClock.of(clock)
         self._encode = codec.encoder(encoding)
-        self._keys: dict[tuple[str, bool, int], _Key] = {}
-        self._kept = _Kept(ring_events, ring_bytes)
+        smallest = MessageSent(
+            target=target, event_class=ZERO_GUID, event_id=0, severity=Severity.VERBOSE, session=self.session, seq=1, key_seq=1
+        )
+        self._harmless, self._harmless_beside_json = codec.harmless_sizes(smallest, encoding, limits)
+        self._keys: dict[tuple[str, bool, int], KeyState] = {}
+        self._ring = Ring(ring_events, ring_bytes)
         self._seq = 0
         self._put_seq = 0
         self._waiting = 0
         self._refused = 0
         self._marks = 0
-        self._changed: deque[_Key] = deque()
-        self._messages: deque[_Entry] = deque()
+        self._queue: deque[Batch] = deque()
+        self._messages: deque[Batch] = deque()
         self._lock = threading.Lock()
         self._more = threading.Condition(self._lock)
         self._room = threading.Condition(self._lock)
@@ -232,34 +182,47 @@ class Publisher:
             raise ValueError(f"event of target {event.target!r} sent under {self.target!r}")
         if event.vendor_id is not None or not (0 <= event.event_id <= MAX_U32 and 0 <= event.time_ns <= MAX_TIME_NS):
             check_values(event)
-        check_limits(event, self._limits)
         place = event.event_class, event.is_alarm, event.severity.real  # an enum member hashes in Python, an int does not
         with self._lock:
             if self._closing:
                 raise PublisherClosedError(f"publisher {self.session} of {self.target} is closed")
             state = self._keys.get(place)
             if state is None:
-                state = self._keys[place] = _Key(keys.event_key(self.realm, event), event.is_alarm)
+                state = self._keys[place] = KeyState(keys.event_key(self.realm, event), event.is_alarm)
             if self._waiting >= self._queue_events:
                 self._make_room()
             seq, key_seq = self._seq + 1, state.sent_key_seq + 1
-            event = msgspec.structs.replace(
-                event, session=self.session, seq=seq, key_seq=key_seq, time_ns=event.time_ns or self._clock()
-            )
-            entry = _Entry(seq, key_seq, self._encode(event), state)
+            event = replace(event, session=self.session, seq=seq, key_seq=key_seq, time_ns=event.time_ns or self._clock())
+            element = self._encode(event)
+            size, name = len(element), event.source_name
+            if (
+                size > self._harmless
+                or size - len(event.json_attribute) > self._harmless_beside_json
+                or (name is not None and len(name) > self._limits.source_name_chars)
+            ):
+                check_limits(event, self._limits)
             self._seq, state.sent_key_seq = seq, key_seq
-            self._kept.add(entry)
-            state.waiting.append(entry)
-            if self._may_drop and not state.is_alarm:
-                self._messages.append(entry)
             self._waiting += 1
-            if not state.changed:
-                state.changed = True
-                self._changed.append(state)
+            batch = state.open or self._open(state)
+            batch.elements.append(element)
+            batch.seqs.append(seq)
+            late = False
+            if len(batch.seqs) >= PUT_EVENTS:
+                state.open = None
+                late = len(self._queue) > 1
             if self._idle:
                 self._idle = False
                 self._more.notify()
+        if late:
+            time.sleep(0)  # lets the publishing thread in, which Python would keep waiting for 5 ms at every put
         return event
+
+    def _open(self, state: KeyState) -> Batch:
+        batch = state.open = Batch(state, state.sent_key_seq)
+        self._queue.append(batch)
+        if self._may_drop and not state.is_alarm:
+            self._messages.append(batch)
+        return batch
 
     def _make_room(self) -> None:
         if not self._may_drop:
@@ -268,27 +231,32 @@ class Publisher:
                 raise PublisherClosedError(f"publisher {self.session} of {self.target} was closed while waiting")
             return
         while self._messages:
-            entry = self._messages.popleft()
-            waiting = entry.state.waiting
-            if waiting and waiting[0] is entry:
-                waiting.popleft()
-                self._waiting -= 1
-                self.counters.dropped += 1
-                entry.state.put_key_seq = max(entry.state.put_key_seq, entry.key_seq)  # the next beats tell who missed it
-                return
+            batch = self._messages[0]
+            if batch.taken or not batch.waiting:
+                self._messages.popleft()
+                if batch.state.open is batch:
+                    batch.state.open = None  # else it would take events that nobody could drop
+                continue
+            batch.dropped += 1
+            self._waiting -= 1
+            self.counters.dropped += 1
+            state = batch.state
+            last_dropped = batch.first_key_seq + batch.dropped - 1
+            state.put_key_seq = max(state.put_key_seq, last_dropped)  # the next beats tell who missed it
+            return
         raise QueueFullError(self._waiting)
 
     def _run(self) -> None:
         next_beat_s = time.monotonic()
         while True:
             with self._lock:
-                while not self._changed and not self._closing and not self._beat_due:
+                while not self._queue and not self._closing and not self._beat_due:
                     left = next_beat_s - time.monotonic()
                     self._idle = True
                     if left <= 0 or not self._more.wait(left):
                         break
                 self._idle = False
-                done = self._closing and (not self._changed or time.monotonic() >= self._deadline_s)
+                done = self._closing and (not self._queue or time.monotonic() >= self._deadline_s)
                 beat = self._beat_due or done or time.monotonic() >= next_beat_s
                 self._beat_due = False
                 batches = [] if beat else self._take()
@@ -297,48 +265,42 @@ class Publisher:
                 self._beat(final=done)
             if done:
                 return
-            for state, batch in batches:
-                try:
-                    if state.sender is None:
-                        state.sender = self.bus.sender(state.key, self._encoding)
-                    state.sender.put(codec.join([entry.element for entry in batch], self._encoding))
-                except BusError as error:
-                    log.warning("%d events not sent: %s", len(batch), error)
-                    self._refused += len(batch)
-                    continue
-                state.put_key_seq = max(state.put_key_seq, batch[-1].key_seq)
-                self._put_seq = max(self._put_seq, batch[-1].seq)
-                self.counters.puts += 1
-                self.counters.sent += len(batch)
+            for batch in batches:
+                if batch.waiting:
+                    self._put(batch)
 
-    def _take(self) -> list[tuple[_Key, list[_Entry]]]:
-        """What waits, at most 256 events per key and put; called with the lock held."""
-        batches = []
+    def _put(self, batch: Batch) -> None:
+        state = batch.state
+        try:
+            if state.sender is None:
+                state.sender = self.bus.sender(state.key, self._encoding)
+            state.sender.put(codec.join(batch.elements[batch.dropped :], self._encoding))
+        except BusError as error:
+            log.warning("%d events not sent: %s", batch.waiting, error)
+            self._refused += batch.waiting
+            return
+        state.put_key_seq = max(state.put_key_seq, batch.first_key_seq + len(batch.seqs) - 1)
+        self._put_seq = max(self._put_seq, batch.seqs[-1])
+        self.counters.puts += 1
+        self.counters.sent += batch.waiting
+
+    def _take(self) -> list[Batch]:
+        """The batches that have waited longest, for one round of puts; called with the lock held."""
+        batches: list[Batch] = []
         taken, now_s = 0, time.monotonic()
-        for _ in range(len(self._changed)):
-            state = self._changed.popleft()
-            state.used_s = now_s
-            waiting = state.waiting
-            if len(waiting) <= PUT_EVENTS:
-                batch = list(waiting)
-                waiting.clear()
-                state.changed = False
-            else:
-                batch = [waiting.popleft() for _ in range(PUT_EVENTS)]
-                self._changed.append(state)
-            if batch:
-                batches.append((state, batch))
-                taken += len(batch)
-            if taken >= 16 * PUT_EVENTS:
-                break
         was_full = self._waiting >= self._queue_events
+        while self._queue and taken < ROUND_EVENTS:
+            batch = self._queue.popleft()
+            batch.taken = True
+            batch.state.used_s = now_s
+            if batch.state.open is batch:
+                batch.state.open = None
+            self._ring.add(batch.kept())
+            taken += batch.waiting
+            batches.append(batch)
         self._waiting -= taken
-        if not self._waiting:
-            self._messages.clear()
-        elif len(self._messages) > 2 * self._queue_events:
-            self._messages = deque(
-                entry for entry in self._messages if entry.state.waiting and entry.seq >= entry.state.waiting[0].seq
-            )
+        while self._messages and self._messages[0].taken:
+            self._messages.popleft()
         if was_full or not self._may_drop:
             self._room.notify_all()
         return batches
@@ -388,10 +350,10 @@ class Publisher:
             yield Refusal(f"no range of missing events: {error}")
             return
         with self._lock:
-            entries = self._kept.entries()
+            held = [*self._ring.all(), *(batch.kept() for batch in self._queue if batch.state.key == missing.key)]
             numbered = next((state.sent_key_seq for state in self._keys.values() if state.key == missing.key), 0)
-            note = b"%d %d" % (self._kept.evicted_seq, numbered)
-        found = self._kept.find(entries, missing)  # without the lock: it takes longer than send() may
+            note = b"%d %d" % (self._ring.evicted_seq, numbered)
+        found = find(held, missing)  # without the lock: it takes longer than send() may
         self.counters.repaired += len(found)
         for start in range(0, max(len(found), 1), REPLY_EVENTS):
             yield Reply(codec.join(found[start : start + REPLY_EVENTS], self._encoding), self._encoding, note)
@@ -421,7 +383,7 @@ class Publisher:
         pause = threading.Event()
         while True:
             with self._lock:
-                behind = any(s.waiting and s.waiting[0].seq <= target for s in self._keys.values())
+                behind = bool(self._queue) and self._queue[0].seqs[0] <= target
                 if not behind and self.counters.sent + self.counters.dropped >= target:
                     return True
             if time.monotonic() > deadline or not self._thread.is_alive():

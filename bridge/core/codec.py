@@ -75,11 +75,7 @@ class Decoded(msgspec.Struct, frozen=True):
 def _known(encoding: Encoding) -> Encoding:
     if encoding in ENCODINGS:
         return encoding
-    raise CodecError(_unknown(encoding))
-
-
-def _unknown(encoding: Encoding) -> str:
-    return f"encoding {encoding!r} is not one of {', '.join(ENCODINGS)}"
+    raise CodecError(f"encoding {encoding!r} is not one of {', '.join(ENCODINGS)}")
 
 
 def _told(encode_any: Callable[[AnyEvent], bytes]) -> Callable[[AnyEvent], bytes]:
@@ -97,15 +93,23 @@ _ENCODERS: Final = {JSON: _told(msgspec.json.Encoder().encode), MSGPACK: _told(m
 
 def encoder(encoding: Encoding = JSON) -> Callable[[AnyEvent], bytes]:
     """What encode() does for one encoding, for who sends many. CodecError for an unknown encoding."""
-    chosen = _ENCODERS.get(encoding)
-    if chosen is None:
-        raise CodecError(_unknown(encoding))
-    return chosen
+    return _ENCODERS[_known(encoding)]
 
 
 def encode(event: AnyEvent, encoding: Encoding = JSON) -> bytes:
     """One event as one element. CodecError for text that is not UTF-8 (lone surrogates) or an unknown encoding."""
     return encoder(encoding)(event)
+
+
+def harmless_sizes(smallest: AnyEvent, encoding: Encoding = JSON, limits: Limits = DEFAULT_LIMITS) -> tuple[int, int]:
+    """How long an event like `smallest`, but with texts and arguments, may be encoded before its limits have to be counted.
+
+    (bytes in all, bytes beside the JSON attribute); the length of the source name is a limit of its own. In either encoding an
+    argument takes at least 15 bytes and one per character, natively at most 24 and four per character; any other text natively
+    takes at most four per character, and what every event has less than a quarter of what it takes encoded.
+    """
+    bare = len(encode(smallest, encoding))
+    return limits.event_bytes // 4, bare + min(limits.argument_bytes // 4, 15 * limits.arguments)
 
 
 def join(elements: Sequence[bytes], encoding: Encoding = JSON) -> bytes:
@@ -178,6 +182,22 @@ def _fault(event: Event, key: EventKey | None, limits: Limits) -> str:
     return ""
 
 
+def _all_good(events: list[AnyEvent], key: EventKey, limits: Limits) -> bool:
+    """Whether every event is one of this key and within the limits, or LimitError: _fault() spelled out for many events."""
+    target, event_class, is_alarm, severity = key.target, key.event_class, key.is_alarm, key.severity
+    for event in events:
+        if (
+            event.event_class != event_class
+            or event.target != target
+            or event.severity is not severity
+            or event.is_alarm is not is_alarm
+            or event.source_guid is not None
+        ):
+            return False
+        check_limits(event, limits)
+    return True
+
+
 def _guid_fault(field: str, text: str) -> str:
     try:
         return "" if guid(text) == text else f"{field} {text!r} is not in lower case without braces"
@@ -196,9 +216,9 @@ def decode(payload: bytes, encoding: Encoding = JSON, key: EventKey | None = Non
             events = [cast(AnyEvent, _ONE_DECODERS[JSON](payload))]
         else:
             events = _LIST_DECODERS[encoding](payload)
-        if not any(_fault(event, key, limits) for event in events):
+        if _all_good(events, key, limits) if key is not None else not any(_fault(event, None, limits) for event in events):
             return Decoded(events, rejected)
-    except (*_HOSTILE, KeyError):
+    except (*_HOSTILE, KeyError, LimitError):
         pass
     events = []
     for raw in split(payload, encoding):

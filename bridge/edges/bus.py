@@ -54,6 +54,8 @@ LOCAL: Final = BusConfig()
 ALONE: Final = BusConfig(scouting=False)
 """A session that meets nobody: no scouting, no endpoint. It opens in 0.05 ms and matches real keys."""
 
+TX_BATCHES: Final = 16
+"""How many batches of 64 KiB may wait for a link. Zenoh's default of 2 makes a put of 256 events wait for the socket."""
 _TIMING: Final = {
     "timestamping/enabled": True,
     "transport/shared_memory/enabled": False,
@@ -85,6 +87,7 @@ def _settings(config: BusConfig) -> dict[str, object]:
         "scouting/multicast/enabled": config.scouting,
         "scouting/multicast/address": config.scouting_group,
         "scouting/gossip/enabled": True,
+        "transport/link/tx/queue/size/data": TX_BATCHES,
     }
     if not config.lan:
         settings["scouting/multicast/interface"] = "lo"

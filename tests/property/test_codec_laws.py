@@ -159,6 +159,30 @@ def test_limits_are_exact(event: AnyEvent, allowed: Limits) -> None:
     assert caught.value.allowed == getattr(allowed, caught.value.limit)
 
 
+wide_texts = st.integers(0, 120).map("x".__mul__) | st.text(max_size=30)
+wide_arguments = st.sampled_from(
+    (ArgumentType.UTF32_STRING, ArgumentType.WSTRING, ArgumentType.INT64, ArgumentType.EVENT_REFERENCE)
+).flatmap(lambda kind: st.lists(st.builds(Argument, st.just(int(kind)), wide_texts), max_size=9).map(tuple))
+wide_limits = st.builds(Limits, st.integers(400, 5000), st.integers(0, 9) | st.just(128), st.integers(0, 900), st.just(80))
+
+
+@settings(max_examples=1000)
+@given(wide_arguments, wide_texts, st.none() | st.text(max_size=80), wide_limits, encodings)
+def test_a_harmless_size_is_harmless(
+    given: tuple[Argument, ...], json_attribute: str, source_name: str | None, allowed: Limits, encoding: str
+) -> None:
+    """Whoever is encoded no longer than a harmless event is within its limits, whatever its texts and arguments are."""
+    smallest = message_sent(arguments=(), json_attribute="", source_name=None)
+    event = msgspec.structs.replace(smallest, arguments=given, json_attribute=json_attribute, source_name=source_name)
+    whole, beside_json = codec.harmless_sizes(smallest, encoding, allowed)
+    try:
+        size = len(codec.encode(event, encoding))
+    except codec.CodecError:
+        return
+    if size <= whole and size - len(event.json_attribute) <= beside_json:
+        check_limits(event, allowed)
+
+
 # Hostile bytes.
 
 

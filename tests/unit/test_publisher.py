@@ -83,6 +83,7 @@ def test_the_ring_forgets_the_oldest_and_says_so() -> None:
     """Beyond ring_events an event can no longer be had; an answer notes the last seq forgotten and the last number."""
     with open_bus(ALONE) as bus, Publisher(bus, "plc1", ring_events=4) as publisher:
         sent = [publisher.send_message(CLASS, number, Severity.INFO) for number in range(10)]
+        assert publisher.flush()  # what waits for the bus is held beside the ring
         missing = Missing(publisher.session, keys.event_key("live", sent[0]), 1, 10)
         (answer,) = bus.ask(keys.verb_key("live", "plc1", "@sent", publisher.session), msgspec.json.encode(missing))
     assert codec.decode(answer.payload, answer.encoding).events == sent[6:]
