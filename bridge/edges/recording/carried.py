@@ -1,12 +1,13 @@
-"""What a recording carries beside its messages: who recorded it, files, further metadata, and which channels there are."""
+"""What a recording carries beside its messages: who recorded it, files, further metadata, and what viewers are given."""
 
 import os
 from collections.abc import Mapping
 
 import msgspec
+from mcap.records import Channel
 
 from bridge.edges.recording.frames import Frames
-from bridge.edges.recording.layout import ABOUT_METADATA, LOG_TOPIC, SUMMARY_METADATA, VIEWER_TOPICS, About, Attachment
+from bridge.edges.recording.layout import ABOUT_METADATA, SUMMARY_METADATA, VIEWER_SCHEMAS, About, Attachment
 from bridge.edges.recording.records import HOSTILE
 from bridge.edges.recording.tally import Totals
 
@@ -14,20 +15,21 @@ from bridge.edges.recording.tally import Totals
 class Carried(msgspec.Struct, frozen=True):
     """What carried() found. metadata are the records that are neither `about` nor the summary; summary is None without one.
 
-    language is that of the log for viewers, "" when there is none or it is not told.
+    has_log says whether there are channels for viewers, language is that of their texts, "" when it is not told.
     """
 
     about: About
     summary: Totals | None
     attachments: tuple[Attachment, ...]
     metadata: tuple[tuple[str, Mapping[str, str]], ...]
-    topics: frozenset[str]
+    has_log: bool
     language: str
 
-    @property
-    def has_log(self) -> bool:
-        """Whether there are channels for viewers."""
-        return not self.topics.isdisjoint(VIEWER_TOPICS)
+
+def is_for_viewers(frames: Frames, channel: Channel) -> bool:
+    """Whether the channel is one that we give to viewers, not another program's of the same name."""
+    schema = frames.schemas.get(channel.schema_id)
+    return schema is not None and VIEWER_SCHEMAS.get(channel.topic) == schema.name
 
 
 def carried(path: str | os.PathLike[str]) -> Carried:
@@ -48,13 +50,12 @@ def carried(path: str | os.PathLike[str]) -> Carried:
                 continue
             attachments.append(Attachment(found.name, found.data, found.media_type, found.create_time))
         metadata = dict(frames.metadata)
+        languages = [each.metadata.get("language", "") for each in frames.channels.values() if is_for_viewers(frames, each)]
         return Carried(
             about=About.of(metadata.get(ABOUT_METADATA, {})),
             summary=Totals.of(metadata.get(SUMMARY_METADATA, {})),
             attachments=tuple(attachments),
             metadata=tuple(each for each in frames.metadata if each[0] not in (ABOUT_METADATA, SUMMARY_METADATA)),
-            topics=frozenset(channel.topic for channel in frames.channels.values()),
-            language=next(
-                (each.metadata.get("language", "") for each in frames.channels.values() if each.topic == LOG_TOPIC), ""
-            ),
+            has_log=bool(languages),
+            language=next(filter(None, languages), ""),
         )

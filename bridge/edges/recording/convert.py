@@ -18,7 +18,7 @@ from mcap.records import Channel
 
 from bridge.core import codec
 from bridge.core.events import DEFAULT_LIMITS, Limits
-from bridge.edges.recording.carried import carried
+from bridge.edges.recording.carried import carried, is_for_viewers
 from bridge.edges.recording.frames import Damage, Frames
 from bridge.edges.recording.layout import (
     ALARMS_PER_MESSAGE,
@@ -26,7 +26,6 @@ from bridge.edges.recording.layout import (
     REJECTED_TOPIC,
     SCHEMA_ATTACHMENT,
     STATE_TOPIC,
-    VIEWER_TOPICS,
     Compression,
     event_channel,
 )
@@ -116,18 +115,19 @@ def _copy(
                 writer.add_state(state, at_ns - (parts - 1))  # so that its last part has the time of the last part
             case None:
                 channel = frames.channels[raw.channel_id]
-                if keep_viewers and channel.topic in VIEWER_TOPICS:
+                if keep_viewers and is_for_viewers(frames, channel):
                     writer.add_for_viewers(channel.topic, raw.data, channel.metadata)
             case _:
                 assert_never(item)
-    report.left_out = tuple(sorted({channel.topic for channel in frames.channels.values() if not _is_ours(channel)}))
+    report.left_out = tuple(sorted({channel.topic for channel in frames.channels.values() if not _is_ours(frames, channel)}))
     report.damage = frames.damage
     return report
 
 
-def _is_ours(channel: Channel) -> bool:
-    known = channel.message_encoding == "json" and channel.topic in (GAPS_TOPIC, REJECTED_TOPIC, STATE_TOPIC, *VIEWER_TOPICS)
-    return known or event_channel(channel.message_encoding, channel.metadata) is not None
+def _is_ours(frames: Frames, channel: Channel) -> bool:
+    if channel.message_encoding == "json" and channel.topic in (GAPS_TOPIC, REJECTED_TOPIC, STATE_TOPIC):
+        return True
+    return is_for_viewers(frames, channel) or event_channel(channel.message_encoding, channel.metadata) is not None
 
 
 def _as_json(element: bytes) -> bytes:

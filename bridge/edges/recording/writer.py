@@ -33,9 +33,7 @@ from bridge.edges.recording.layout import (
     ABOUT_METADATA,
     ACTIVE_SUFFIX,
     ALARMS_PER_MESSAGE,
-    ALARMS_TOPIC,
     GAPS_TOPIC,
-    LOG_TOPIC,
     MAX_ATTACHMENT_BYTES,
     MAX_ELEMENT_BYTES,
     MAX_EVENT_CHANNELS,
@@ -46,6 +44,7 @@ from bridge.edges.recording.layout import (
     SCHEMA_ATTACHMENT,
     STATE_TOPIC,
     SUMMARY_METADATA,
+    VIEWER_SCHEMAS,
     About,
     Attachment,
     Compression,
@@ -387,12 +386,7 @@ _SCHEMAS: Final = {
     "foxglove.Log": log_schema,
     "foxglove.Event": span_schema,
 }
-_OWN_SCHEMAS: Final = {
-    GAPS_TOPIC: "tcbridge.Gap",
-    STATE_TOPIC: "tcbridge.State",
-    LOG_TOPIC: "foxglove.Log",
-    ALARMS_TOPIC: "foxglove.Event",
-}
+_OWN_SCHEMAS: Final = {GAPS_TOPIC: "tcbridge.Gap", STATE_TOPIC: "tcbridge.State", **VIEWER_SCHEMAS}
 
 
 def _check_attachment(attachment: Attachment) -> None:

@@ -170,19 +170,22 @@ def test_fields_of_a_later_version_are_kept(tmp_path: Path) -> None:
 
 
 def test_channels_of_other_programs_are_named(tmp_path: Path) -> None:
-    """They are not ours to rewrite: the events come along, the camera is left out, and is told."""
+    """They are not ours to rewrite: the events come along, the others are left out and told, also one that is called /log."""
     with open(tmp_path / "a.mcap", "wb") as file:
         writer = Writer(file)
         writer.start()
         camera = writer.register_channel("/camera", MessageEncoding.JSON, 0)
+        rosout = writer.register_channel("/log", MessageEncoding.JSON, writer.register_schema("rosgraph_msgs/Log", "", b""))
         events = writer.register_channel(
             "/plc1/x", MessageEncoding.JSON, 0, {"realm": "live", "target": "plc1", "event_class": AXIS}
         )
         writer.add_message(camera, START, b"{}", START)
+        writer.add_message(rosout, START, b"{}", START)
         writer.add_message(events, START + 1, codec.encode(message(1)), START)
         writer.finish()  # type: ignore[no-untyped-call]
-    report = convert(tmp_path / "a.mcap", tmp_path / "b.mcap", viewer())
-    assert (report.events, report.left_out) == (1, ("/camera",))
+    assert not carried(tmp_path / "a.mcap").has_log
+    report = convert(tmp_path / "a.mcap", tmp_path / "b.mcap")
+    assert (report.events, report.left_out) == (1, ("/camera", "/log"))
     assert len(everything(tmp_path / "b.mcap")) == 1
 
 
