@@ -1,6 +1,7 @@
 """`tcbridge replay`: a recording into a fresh logger, or onto the bus."""
 
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
@@ -9,12 +10,12 @@ import msgspec
 from cyclopts import Group, Parameter
 
 from bridge.cli.exits import Exit, Usage
-from bridge.cli.options import COMMON, Common, catalog, note, open_bus, parse_filter
+from bridge.cli.options import COMMON, Common, note, open_bus, parse_filter
 from bridge.cli.progress import counting
+from bridge.cli.recordings import PART, known_classes, recordings, times
 from bridge.cli.show import View, clean, print_json
 from bridge.cli.signals import Interrupted
 from bridge.core import keys
-from bridge.core.times import NS_PER_S
 
 if TYPE_CHECKING:
     from bridge.config import Settings
@@ -23,8 +24,7 @@ if TYPE_CHECKING:
     from bridge.logger.compare import Comparison, State
     from bridge.replayer import ReplayReport, Sink, Span
 
-HOW = Group("Replay", sort_key=10)
-PART = Group("Which part", sort_key=11)
+HOW = Group("Replay", sort_key=11)
 SHOWN_DIFFERENCES = 20
 _STEP_S = 0.1
 
@@ -39,18 +39,6 @@ class Chosen:
     duration: Annotated[float | None, Parameter(help="Only so many seconds of it.", group=PART)] = None
     filter: Annotated[str, Parameter(help="Which events, e.g. 'is_alarm'. Default: all.", group=PART)] = ""
     remap: Annotated[tuple[str, ...], Parameter(help="Rename a target, OLD=NEW; repeat it.", group=PART)] = ()
-
-    def times(self, span: "Span") -> tuple[int | None, int | None]:
-        """From when on and before when, in Unix ns."""
-        start = None if self.start is None else span.place(self.start)
-        end = None if self.end is None else span.place(self.end)
-        if self.duration is not None:
-            if end is not None or not self.duration > 0:
-                raise Usage("--duration is above 0, and stands in place of --end")
-            end = (span.first_ns if start is None else start) + int(self.duration * NS_PER_S)
-        if end is not None and end <= (span.first_ns if start is None else start):
-            raise Usage("the end is not after the start")
-        return start, end
 
     def names(self, span: "Span") -> dict[str, str]:
         """Targets by their new names."""
@@ -68,7 +56,10 @@ CHOSEN = Chosen()
 
 
 def replay(
-    files: Annotated[tuple[Path, ...], Parameter(name="FILE", help="Recordings; several are one.", negative=(), required=True)],
+    files: Annotated[
+        tuple[Path, ...],
+        Parameter(name="FILE", help="Recordings, or folders of them; several are one.", negative=(), required=True),
+    ],
     /,
     *,
     into: Annotated[
@@ -103,17 +94,17 @@ def replay(
         tcbridge replay plant.mcap --into yesterday.db
         tcbridge replay demo/demo.mcap --against demo/live.json
     """
+    from bridge.edges.recording import carried
     from bridge.replayer import span_of
 
     settings = common.load()
-    known = catalog(settings)
-    expr = parse_filter(chosen.filter, known)
     if not rate >= 0:
         raise Usage(f"--rate {rate} is negative")
-    for file in (*files, *([against] if against is not None else [])):
-        if not file.is_file():
-            raise Usage(f"{file}: no such file")
-    part = _Part(files, expr, span_of(files), chosen)
+    if against is not None and not against.is_file():
+        raise Usage(f"{against}: no such file")
+    paths = recordings(files)
+    known = known_classes([carried(path) for path in paths], settings)
+    part = _Part(paths, parse_filter(chosen.filter, known), span_of(paths), chosen)
     if dry_run:
         return _dry_run(part, as_json=common.json)
     if into is not None or against is not None:
@@ -127,9 +118,9 @@ def replay(
 class _Part:
     """What is replayed."""
 
-    def __init__(self, files: tuple[Path, ...], expr: "Expr", span: "Span", chosen: Chosen) -> None:
+    def __init__(self, files: Sequence[Path], expr: "Expr", span: "Span", chosen: Chosen) -> None:
         self.files, self.expr, self.span = files, expr, span
-        self.start_ns, self.end_ns = chosen.times(span)
+        self.start_ns, self.end_ns = times(span, chosen.start, chosen.end, chosen.duration)
         self.remap = chosen.names(span)
 
     def fold(self, sink: "Sink", word: str) -> "ReplayReport":

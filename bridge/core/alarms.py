@@ -371,15 +371,17 @@ class AlarmTable:
             self._replaced = (self._replaced | former) - {session, ""}
             self._base[session] = (target, seq)
 
-    def refresh(self, alarms: Iterable[Alarm], session: str, seq: int, target: str) -> bool:
+    def refresh(self, alarms: Iterable[Alarm], session: str, seq: int, target: str, last_seq: int = 0) -> bool:
         """Take over a recorded snapshot, which may stand anywhere among the events of its session; False when it is stale.
 
-        What later events of the session said stays, what else differs is corrected: so a gap ends at the next snapshot. A
-        session not heard of yet replaces what is known, one that was replaced says nothing any more.
+        It has all events of the session up to `seq`, and others up to last_seq. What later events said stays, what else differs
+        is corrected: so a gap ends at the next snapshot. A session not heard of yet replaces what is known, one that was
+        replaced says nothing any more.
         """
-        if session in self._replaced:
+        heard = {name for key, seen in self._seen.items() if key.target == target for name in seen} - self._replaced
+        if session in self._replaced or (session in self._base and heard - {session, ""}):
             return False
-        if session not in self._base and not any(session in seen for key, seen in self._seen.items() if key.target == target):
+        if session not in self._base and session not in heard:
             self.load(alarms, session, seq, target)
             return True
         told = {alarm.key: alarm for alarm in alarms}
@@ -388,7 +390,7 @@ class AlarmTable:
             seen = self._seen.setdefault(key, {})
             former.update(seen)
             alarm, last = told.get(key), seen.get(session, 0)
-            if last > seq and (alarm is None or alarm.session != session or alarm.seq < last):
+            if last > (max(seq, last_seq) if alarm is None else seq if alarm.session != session else max(seq, alarm.seq)):
                 continue
             if alarm is None:
                 self.alarms.pop(key, None)

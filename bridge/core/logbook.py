@@ -285,10 +285,10 @@ class Logbook:
         self.marks += bool(alarms)
         return Changes(alarms=tuple(Kept(self._lives.get(alarm.key, 0), alarm) for alarm in alarms))
 
-    def load_state(self, target: str, session: str, seq: int, alarms: Iterable[Alarm]) -> Changes:
+    def load_state(self, target: str, session: str, seq: int, alarms: Iterable[Alarm], last_seq: int = 0) -> Changes:
         """Take over a recorded state of a target after `seq` events of `session`; what it corrects is written anew."""
         before = dict(self.table.alarms)
-        self.table.refresh(alarms, session, seq, target)
+        self.table.refresh(alarms, session, seq, target, last_seq)
         for key, alarm in before.items():
             now = self.table.alarms.get(key)
             if now is not None and now.time_raised_ns != alarm.time_raised_ns:  # its raise was missed: another life

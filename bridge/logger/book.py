@@ -139,7 +139,8 @@ class Book:
         """Take over a recorded keyframe: all alarms of its target as they were after its event `seq`."""
         self._check_fresh()
         with self.lock:
-            self._waiting.append(self.logbook.load_state(state.target, state.session, state.seq, state.alarms))
+            changes = self.logbook.load_state(state.target, state.session, state.seq, state.alarms, state.last_seq)
+            self._waiting.append(changes)
 
     def _check_fresh(self) -> None:
         if not self._fresh:

@@ -2,7 +2,6 @@
 
 from bridge.replayer.fold import ReplayReport, Sink, replay_into
 from bridge.replayer.player import Player, new_realm
-from bridge.replayer.scene import Scene, scene_before
 from bridge.replayer.span import RemapError, Span, check_remap, span_of
 from bridge.replayer.stage import LoggerThereError
 
@@ -11,12 +10,10 @@ __all__ = [
     "Player",
     "RemapError",
     "ReplayReport",
-    "Scene",
     "Sink",
     "Span",
     "check_remap",
     "new_realm",
     "replay_into",
-    "scene_before",
     "span_of",
 ]

@@ -24,8 +24,9 @@ from bridge.edges.recording import (
     RecordedState,
     StateFrame,
     read_series,
+    standing_at,
 )
-from bridge.replayer.scene import origin_of, replayed_frame, scene_before
+from bridge.replayer.origins import origin_of, replayed_frame
 
 PROGRESS_EVENTS: Final = 1000
 
@@ -106,7 +107,7 @@ def replay_into(
         sink.load_state(frame)
 
     if start_ns is not None:
-        for frame in scene_before(paths, start_ns).frames():
+        for frame in standing_at(paths, start_ns - 1).frames():
             load(frame)
     for item in entries(paths, Part(start_ns=start_ns or 0, end_ns=end_ns), report):
         if isinstance(item, RecordedState):

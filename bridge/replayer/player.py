@@ -21,15 +21,15 @@ from bridge.control import PLAYER, Control
 from bridge.core import codec
 from bridge.core.catalog import Catalog
 from bridge.core.control import ControlQuestion, Facts, Pause, Rate, Resume, Seek, Step, Stop
-from bridge.core.events import AnyEvent
+from bridge.core.events import AnyEvent, MessageSent
 from bridge.core.filters.ast import Expr
 from bridge.core.hresult import ADS_E_INVALIDSTATE, ADS_E_SRVNOTSUPP, AdsError
 from bridge.core.times import time_text
 from bridge.edges.bus import Bus
-from bridge.edges.recording import Part, RecordedEvent, RecordedState
+from bridge.edges.recording import Part, RecordedEvent, RecordedState, Standing, standing_at
 from bridge.replayer.fold import PROGRESS_EVENTS, ReplayReport, entries, filter_alarms, matcher
+from bridge.replayer.origins import origin_of, replayed_frame
 from bridge.replayer.pace import Pace
-from bridge.replayer.scene import Scene, origin_of, replayed_frame, scene_before
 from bridge.replayer.span import check_remap, span_of
 from bridge.replayer.stage import Stage
 
@@ -182,7 +182,7 @@ class Player:
             at_ns = self._at_ns()
             return {
                 "state": self._state,
-                "at": time_text(at_ns),
+                "at": time_text(at_ns, 3),
                 "offset_s": self.span.offset_s(at_ns),
                 "length_s": self.span.offset_s(self.span.last_ns),
                 "rate": self._pace.rate,
@@ -225,7 +225,7 @@ class Player:
 
     def _play(self, at_ns: int) -> bool:
         """Play from a moment to the end, or until told otherwise; whether anything was played."""
-        scene = scene_before(self._paths, at_ns, self.span) if at_ns > self.span.first_ns else Scene()
+        scene = standing_at(self._paths, at_ns - 1)
         items = entries(self._paths, Part(start_ns=at_ns, end_ns=self._end_ns), self.report)
         played = entered = False
         try:
@@ -254,9 +254,9 @@ class Player:
     def _last_ns(self) -> int:
         return self.span.last_ns if self._end_ns is None else min(self._end_ns, self.span.last_ns)
 
-    def _enter(self, scene: Scene, at_ns: int) -> None:
+    def _enter(self, scene: Standing, at_ns: int) -> None:
         """Everybody on stage, with the alarms there are now; then the time starts."""
-        for target in self._targets.keys() | scene.targets:
+        for target in self._targets.keys() | {frame.target for frame in scene.frames()}:
             self._show(scene, target)
         with self._news:
             self._next_ns = at_ns
@@ -274,21 +274,20 @@ class Player:
     def _moving(self) -> PlayerState:
         return "playing" if self._pace.running or self._steps else "paused"
 
-    def _show(self, scene: Scene, target: str) -> None:
-        frame = scene.frame(target)
+    def _show(self, scene: Standing, target: str) -> None:
         goal = self._targets.setdefault(target, self._remap.get(target, target))
-        alarms = () if frame is None else filter_alarms(replayed_frame(frame, goal).alarms, self._matches)
-        self._stage.enter(goal, alarms)
+        alarms = [alarm for frame in scene.frames(target) for alarm in replayed_frame(frame, goal).alarms]
+        self._stage.enter(goal, filter_alarms(alarms, self._matches))
 
-    def _taken(self, scene: Scene, item: RecordedEvent | RecordedState, *, entered: bool) -> AnyEvent | None:
+    def _taken(self, scene: Standing, item: RecordedEvent | RecordedState, *, entered: bool) -> AnyEvent | None:
         """The event to send, if it is one that the filter takes; the scene follows all of them."""
         if isinstance(item, RecordedState):
-            if scene.take(item) and entered:  # a gap hid what the keyframe tells
+            if scene.state(item.state) and entered:  # a gap hid what the keyframe tells
                 self._show(scene, item.state.target)
             return None
         event = item.event
-        if event.is_alarm:
-            scene.take(item)
+        if not isinstance(event, MessageSent):
+            scene.event(item.realm, event)
         if self._matches is not None and not self._matches(event):
             self.report.filtered_out += 1
             return None

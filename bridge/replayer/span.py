@@ -10,7 +10,6 @@ from decimal import Decimal, InvalidOperation
 
 import msgspec
 
-from bridge.core.events import MessageSent
 from bridge.core.times import NS_PER_S, TimeError, check_time, parse_time
 from bridge.edges.recording import summary
 
@@ -22,8 +21,6 @@ class Span(msgspec.Struct, frozen=True, kw_only=True):
     last_ns: int = 0
     events: int = 0
     targets: frozenset[str] = frozenset()
-    alarm_targets: frozenset[str] = frozenset()
-    alarm_classes: frozenset[str] = frozenset()
 
     def place(self, text: str) -> int:
         """The Unix ns that a text means: "90" and "90.5" are seconds from the start, the rest is a time. TimeError else."""
@@ -43,15 +40,11 @@ class Span(msgspec.Struct, frozen=True, kw_only=True):
 def span_of(paths: Iterable[str | os.PathLike[str]]) -> Span:
     """The span of recordings, from their summaries where they have one. RecordingError for a file that is no recording."""
     all_totals = [summary(path).totals for path in paths]
-    counts = [count for totals in all_totals for count in totals.counts]
-    alarms = [count for count in counts if count.kind != MessageSent.kind]
     return Span(
         first_ns=min((totals.first_log_time_ns for totals in all_totals if totals.last_log_time_ns), default=0),
         last_ns=max((totals.last_log_time_ns for totals in all_totals), default=0),
         events=sum(totals.events for totals in all_totals),
-        targets=frozenset(count.target for count in counts),
-        alarm_targets=frozenset(count.target for count in alarms),
-        alarm_classes=frozenset(count.event_class for count in alarms),
+        targets=frozenset(count.target for totals in all_totals for count in totals.counts),
     )
 
 

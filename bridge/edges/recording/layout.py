@@ -182,13 +182,17 @@ class RejectedPayload(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class StateFrame(msgspec.Struct, frozen=True, kw_only=True):
-    """All alarms of a logger, as they were right after its event `seq`."""
+    """All alarms of a logger, as they were right after its event `seq`.
+
+    last_seq: the greatest number of the session that is folded in besides, 0 for none; some between may be missing yet.
+    """
 
     realm: str
     target: str
     session: str
     seq: Count
     alarms: tuple[Alarm, ...] = ()
+    last_seq: Count = 0
 
 
 class StatePart(StateFrame, frozen=True, kw_only=True):
@@ -222,6 +226,6 @@ def gap_schema() -> bytes:
 def state_schema() -> bytes:
     """The JSON Schema of /state."""
     names = dict.fromkeys(("realm", "target", "session"), _TEXT)
-    numbers = dict.fromkeys(("seq", "part", "parts"), _COUNT)
+    numbers = dict.fromkeys(("seq", "last_seq", "part", "parts"), _COUNT)
     alarms = {"alarms": {"type": "array", "items": codec.schema_of(Alarm)}}
     return msgspec.json.encode(object_schema("tcbridge.State", names | numbers | alarms))

@@ -145,7 +145,14 @@ def _states() -> Interpreter:
             return None
         alarms = tuple(alarm for piece in parts for alarm in piece.alarms)
         parts.clear()
-        state = StateFrame(realm=part.realm, target=part.target, session=part.session, seq=part.seq, alarms=alarms)
+        state = StateFrame(
+            realm=part.realm,
+            target=part.target,
+            session=part.session,
+            seq=part.seq,
+            alarms=alarms,
+            last_seq=part.last_seq,
+        )
         return RecordedState(raw.log_time, state)
 
     return interpret

@@ -1,14 +1,14 @@
 """Which alarms there are at a place of a recording: keyframes and transitions, folded in the order of the file.
 
-Rule 1: transitions are folded as everywhere (core/alarms.py). A keyframe is taken wherever it stands: after a gap it is what
-makes the state right again.
-Rule 2: what a keyframe says of an alarm counts unless a later transition of the same session went by before it.
-Rule 3: sessions of a target follow each other; a keyframe of a session that another one has replaced is stale.
+Rule 1: both go through the same table as everywhere (core/alarms.py). A keyframe is taken wherever it stands: after a gap it is
+what makes the state right again.
+Rule 2: sessions of a target follow each other; a keyframe of a session that another one has replaced is stale.
+Rule 3: it can be cut: what frames() gives, followed by the rest of the recording, is the fold of all of it.
 """
 
 from collections.abc import Iterable
 
-from bridge.core.alarms import Alarm, AlarmKey, AlarmTable, alarm_key
+from bridge.core.alarms import Alarm, AlarmTable
 from bridge.core.events import AlarmEvent
 from bridge.edges.recording.layout import StateFrame
 
@@ -18,9 +18,10 @@ class Standing:
 
     def __init__(self) -> None:
         self._tables: dict[str, AlarmTable] = {}
-        self._newest: dict[tuple[str, str], dict[AlarmKey, int]] = {}
         self._session: dict[tuple[str, str], str] = {}
-        self._past: set[tuple[str, str, str]] = set()
+        self._last: dict[tuple[str, str], int] = {}
+        self.missing = 0
+        """How many events are missing since the last keyframes that may have been transitions."""
 
     def event(self, realm: str, event: AlarmEvent) -> None:
         """Fold in a transition."""
@@ -29,36 +30,18 @@ class Standing:
             table = self._tables[realm] = AlarmTable()
         if table.apply(event):
             place = (realm, event.target)
-            if self._session.get(place) != event.session:
-                if (*place, event.session) in self._past:
-                    return  # of another alarm than those that the next session has spoken of
-                self._follow(place, event.session)
-            self._newest[place][alarm_key(event)] = event.seq
+            before = self._last.get(place, 0) if self._session.get(place) == event.session else 0
+            self._session[place], self._last[place] = event.session, max(before, event.seq)
 
-    def state(self, state: StateFrame) -> None:
-        """Fold in a keyframe."""
+    def state(self, state: StateFrame) -> bool:
+        """Fold in a keyframe; whether it corrected what was known of its target."""
         place = (state.realm, state.target)
-        if (*place, state.session) in self._past:
-            return
         table = self._tables.setdefault(state.realm, AlarmTable())
-        if self._session.get(place) != state.session:
-            self._follow(place, state.session)
-        told = {alarm.key: alarm.seq for alarm in state.alarms}
-        newest = self._newest[place]
-        later = {key: table.alarms.get(key) for key, seq in newest.items() if seq > max(state.seq, told.get(key, 0))}
-        table.load(state.alarms, state.session, state.seq, state.target)
-        for key, alarm in later.items():
-            if alarm is None:
-                table.alarms.pop(key, None)
-            else:
-                table.put(alarm)
-
-    def _follow(self, place: tuple[str, str], session: str) -> None:
-        before = self._session.get(place)
-        if before is not None:
-            self._past.add((*place, before))
-        self._session[place] = session
-        self._newest[place] = {}
+        before = _of(table, state.target)
+        if table.refresh(state.alarms, state.session, state.seq, state.target, state.last_seq):
+            last = self._last.get(place, 0) if self._session.get(place) == state.session else 0
+            self._session[place], self._last[place] = state.session, max(last, state.last_seq)
+        return _of(table, state.target) != before
 
     def alarms(self) -> Iterable[Alarm]:
         """All that were raised and not disposed."""
@@ -68,11 +51,21 @@ class Standing:
         """Those that are raised or wait for confirmation, by the time of their last transition."""
         return sorted((alarm for alarm in self.alarms() if alarm.is_active), key=lambda alarm: (alarm.time_ns, alarm.seq))
 
-    def frames(self) -> list[StateFrame]:
-        """A keyframe of each realm and target, as a recording that begins here needs it."""
-        frames = []
-        for (realm, target), session in self._session.items():
-            table = self._tables[realm]
-            alarms = tuple(alarm for alarm in table.alarms.values() if alarm.target == target and alarm.was_raised)
-            frames.append(StateFrame(realm=realm, target=target, session=session, seq=table.base(session), alarms=alarms))
-        return frames
+    def frames(self, target: str | None = None) -> list[StateFrame]:
+        """A keyframe of each realm and target (of one, if it is named), as a recording that begins here needs it."""
+        return [
+            StateFrame(
+                realm=realm,
+                target=name,
+                session=session,
+                seq=self._tables[realm].base(session),
+                alarms=tuple(a for a in self._tables[realm].alarms.values() if a.target == name and a.was_raised),
+                last_seq=self._last[realm, name],
+            )
+            for (realm, name), session in self._session.items()
+            if target in (None, name)
+        ]
+
+
+def _of(table: AlarmTable, target: str) -> dict[object, object]:
+    return {key: state for key, state in table.state().items() if key.target == target}

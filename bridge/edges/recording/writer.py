@@ -226,6 +226,7 @@ class RecordingWriter:
                 session=state.session,
                 seq=state.seq,
                 alarms=alarms[(part - 1) * ALARMS_PER_MESSAGE : part * ALARMS_PER_MESSAGE],
+                last_seq=state.last_seq,
                 part=part,
                 parts=parts,
             )
@@ -267,8 +268,8 @@ class RecordingWriter:
 
     def flush(self) -> None:
         """Hand everything to the operating system: what was added survives the death of this process."""
-        with self._writing():
         self._explain()
+        with self._writing():
             self._mcap.flush()  # type: ignore[no-untyped-call]
             if self._sync:
                 os.fsync(self._file.fileno())

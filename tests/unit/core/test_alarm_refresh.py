@@ -99,3 +99,20 @@ def test_a_replayed_alarm_says_where_it_came_from() -> None:
     (found,) = table.alarms.values()
     assert found.origin == origin
     assert found.key == AlarmKey(TARGET, ONE.event_class, 1)
+
+
+def test_what_a_snapshot_has_seen_go_is_gone() -> None:
+    """A recorder that paused folds on: its seq is old, its last_seq tells that it was there when the alarm went."""
+    for last_seq, left in ((0, {1: True, 2: True}), (3, {2: True})):
+        table = after(ONE, TWO)
+        table.refresh([alarm(TWO)], "a", 0, TARGET, last_seq)
+        assert ids(table) == left
+
+
+def test_a_session_that_another_has_followed_is_stale_without_a_snapshot_too() -> None:
+    """Its snapshot comes late; the events of the newer one count."""
+    table = AlarmTable()
+    table.refresh([alarm(ONE)], "a", 1, TARGET)
+    table.apply(msgspec.structs.replace(TWO, session="b"))
+    assert not table.refresh([], "a", 9, TARGET)
+    assert ids(table) == {1: True, 2: True}
