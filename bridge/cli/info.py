@@ -16,7 +16,7 @@ from bridge.core.events import Severity
 from bridge.core.times import NS_PER_S, time_text
 
 if TYPE_CHECKING:
-    from bridge.edges.recording import Active, Gap, RecordingInfo, Totals
+    from bridge.edges.recording import Active, Carried, Gap, RecordingInfo, Totals
 
 SHOWN: Final = 20
 """How many gaps and active alarms are shown to people; --json has up to 100 of each."""
@@ -61,9 +61,10 @@ def info(
         for recording, part in absent:
             print_json({"notice": "missing_part", "recording": recording, "part": part})
         return code
-    view = View(known_classes([carried(path) for path in paths], settings), settings.lang)
+    brought = [carried(path) for path in paths]
+    view = View(known_classes(brought, settings), settings.lang)
     totals = reduce(joined, (each.totals for each in found))
-    lines = _lines(found[0]) if len(found) == 1 else [("files", f"{len(found):,}")]
+    lines = _lines(found[0], brought[0]) if len(found) == 1 else [("files", f"{len(found):,}")]
     if len(found) > 1:
         _print_files(found)
     for name, text in [*lines, *_more_lines(totals)]:
@@ -81,8 +82,10 @@ def info(
     return code
 
 
-def _lines(found: "RecordingInfo") -> list[tuple[str, str]]:
+def _lines(found: "RecordingInfo", brought: "Carried") -> list[tuple[str, str]]:
+    """What explains a file: who recorded what, its neighbours, and everything else that it carries."""
     about = found.about
+    metadata = [(name, ", ".join(f"{key} {text}" for key, text in texts.items())) for name, texts in brought.metadata]
     lines = [
         ("file", f"{found.path}, {found.size_bytes:,} bytes"),
         ("complete", _complete(found)),
@@ -90,8 +93,12 @@ def _lines(found: "RecordingInfo") -> list[tuple[str, str]]:
         ("filter", about.filter or "everything"),
         ("comment", about.comment),
         ("part", f"{about.part} of recording {about.recording}" if about.part else ""),
+        ("previous", about.previous),
+        ("next", found.totals.next_file),
+        *about.more.items(),
         ("by", " ".join(word for word in ("tcbridge", about.version, "on", about.host) if word) if about.host else ""),
-        ("attached", ", ".join(found.attachments)),
+        ("attached", ", ".join(f"{each.name} ({len(each.data):,} bytes)" for each in brought.attachments)),
+        *metadata,
     ]
     return [(name, text) for name, text in lines if text]
 

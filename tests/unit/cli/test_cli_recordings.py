@@ -212,6 +212,24 @@ def test_info_names_gaps_and_active_alarms(plant: str, capsys: pytest.CaptureFix
     assert "#30" not in end
 
 
+def test_info_tells_what_a_file_carries(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its neighbours, what else its recorder noted, each attachment with its size, and further metadata."""
+    about = replace(ABOUT, part=2, recording="r1", previous="n1.mcap", more={"trigger": "severity = critical"})
+    with RecordingWriter(tmp_path / "n2.mcap", about=about, attachments=[Attachment("notes.txt", b"12345")]) as writer:
+        writer.add_metadata("shift", {"crew": "night", "line": "4"})
+        writer.finish(next_file="n3.mcap")
+    assert run(["info", str(tmp_path / "n2.mcap")]) == Exit.OK
+    lines = capsys.readouterr().out.splitlines()
+    assert [line for line in lines if line.startswith(("previous", "next", "trigger", "shift"))] == [
+        "previous   n1.mcap",
+        "next       n3.mcap",
+        "trigger    severity = critical",
+        "shift      crew night, line 4",
+    ]
+    (attached,) = [line for line in lines if line.startswith("attached")]
+    assert attached.endswith("notes.txt (5 bytes)")
+
+
 def test_info_of_several_files_is_of_all_and_names_a_missing_part(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Each file has a line; the counts are those of all."""
     for part in (1, 2, 4):
