@@ -89,7 +89,7 @@ def _copy(sources: list[Path], target: Path, part: "Part", compression: Packing,
     from bridge.edges.recording import carried, copy_part, summary
 
     settings = common.load()
-    viewer = viewer_for([carried(path) for path in sources], settings)
+    viewer = viewer_for([carried(path) for path in sources], settings, common.lang)
     with counting("written", count_events(sources) if part.is_all else 0) as show:
         report = copy_part(
             sources,

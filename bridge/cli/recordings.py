@@ -116,11 +116,12 @@ def known_classes(brought: "Sequence[Carried]", settings: "Settings") -> "Catalo
     return attached.merged(catalog(settings))
 
 
-def viewer_for(brought: "Sequence[Carried]", settings: "Settings") -> "Viewer | None":
-    """What makes the log for viewers anew, when the recordings have one."""
+def viewer_for(brought: "Sequence[Carried]", settings: "Settings", lang: str | None) -> "Viewer | None":
+    """What makes the log for viewers anew, when the recordings have one: in the language asked for, else that of the first."""
     from bridge.edges.recording import Viewer
 
     if not any(each.has_log for each in brought):
         return None
     known = known_classes(brought, settings)
-    return Viewer(lambda event: known, settings.lang, known)
+    languages = filter(None, (lang, *(each.language for each in brought)))
+    return Viewer(lambda event: known, next(languages, settings.lang), known)

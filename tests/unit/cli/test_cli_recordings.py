@@ -11,10 +11,11 @@ from msgspec.structs import replace
 from bridge.cli import run
 from bridge.cli.exits import Exit
 from bridge.core import codec
+from bridge.core.catalog import Catalog
 from bridge.core.events import AnyEvent, Severity
 from bridge.core.tmc_writer import write_classes
 from bridge.edges.class_files import load_catalog
-from bridge.edges.recording import Attachment, RecordingWriter, StateFrame, summary
+from bridge.edges.recording import Attachment, RecordingWriter, StateFrame, Viewer, carried, summary
 from tests.unit.edges.recording_stories import ABOUT, ALARM, GAP, PUMP, START, STATE, cleared, message, raised, record
 
 
@@ -163,6 +164,17 @@ def test_a_cut_or_merge_that_makes_no_sense_is_refused(plant: str, tmp_path: Pat
     """Nothing to cut, no new name, a name that is none."""
     assert run(line.split()) == Exit.USAGE
     assert [path.name for path in tmp_path.iterdir()] == ["plant.mcap"]
+
+
+def test_a_log_for_viewers_keeps_its_language(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Made anew for the part, in the language that it had, unless another is asked for."""
+    monkeypatch.chdir(tmp_path)
+    with RecordingWriter("a.mcap", viewer=Viewer(lambda event: Catalog(), "de")) as writer:
+        record(writer, message(1), START)
+        record(writer, message(2), START + 5_000_000_000)
+    assert run(["cut", "a.mcap", "b.mcap", "--start", "1"]) == Exit.OK
+    assert run(["merge", "a.mcap", "c.mcap", "--lang", "fr"]) == Exit.OK
+    assert [carried(name).language for name in ("a.mcap", "b.mcap", "c.mcap")] == ["de-DE", "de-DE", "fr-FR"]
 
 
 def test_merging_fills_gaps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
