@@ -176,6 +176,7 @@ VERBS: Final = {
         Verb("@classes", "", _ASK, "event classes a logger offers"),
         Verb("@do", "command", _ASK, "commands to a logger"),
         Verb("@control", "command", _ASK, "commands to a recorder or a player, whose name stands for the target"),
+        Verb("@objects", "access", _ASK, "calls to objects (modules), by what they need: read, set, call, state"),
         Verb("@sent", "session", _ASK, "events a publisher still holds, for those who missed them"),
         Verb("@beat", "session", _TELL, "a publisher's numbers, each second"),
         Verb("@alive", "role", _LIVE, "who is there: role and session"),

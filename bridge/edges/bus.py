@@ -337,8 +337,8 @@ class Bus:
             elif (error_reply := reply.err) is not None:
                 yield Answer(key, error_reply.payload.to_bytes(), str(error_reply.encoding), b"", True, who)
 
-    def answer(self, key: str, handler: Callable[[Question], Iterable[Reply | Refusal]]) -> Closable:
-        """Answer questions on a key, one after another on a thread of ours. What the handler raises becomes a refusal."""
+    def answer(self, key: str, handler: Callable[[Question], Iterable[Reply | Refusal]], *, threads: int = 1) -> Closable:
+        """Answer questions on a key, so many at a time on threads of ours. What the handler raises becomes a refusal."""
         try:
             queryable = self._session.declare_queryable(key, zenoh.handlers.FifoChannel(1024), complete=True)
         except zenoh.ZError as error:
@@ -354,10 +354,11 @@ class Bus:
                 with contextlib.suppress(zenoh.ZError), query:
                     self._serve_one(query, handler)
 
-        thread = threading.Thread(target=serve, name=f"answer {key}", daemon=True)
-        thread.start()
-        with self._lock:
-            self._threads.append(thread)
+        for _ in range(threads):
+            thread = threading.Thread(target=serve, name=f"answer {key}", daemon=True)
+            thread.start()
+            with self._lock:
+                self._threads.append(thread)
         return Closable(self._keep(queryable.undeclare))
 
     @staticmethod

@@ -1,8 +1,9 @@
 """Which loggers and sources of a target there are, and when that changes.
 
-Liveliness tokens say so: a logger holds @alive/logger/{session} from opening to closing, and loses it with its process. Who
-raises alarms through the logger holds @alive/source/{session}; closing shows @alive/left/{session} in the moment in which that
-token goes, and so a source that has left is told from one that died.
+Liveliness tokens say so: a logger holds @alive/logger/{session} from opening to closing, and loses it with its process; an
+object server does so with @alive/objects/{session}. Who raises alarms through the logger holds @alive/source/{session};
+closing shows @alive/left/{session} in the moment in which that token goes, and so a source that has left is told from one
+that died.
 """
 
 import threading
@@ -12,13 +13,15 @@ from typing import Final
 from bridge.core import keys
 from bridge.edges.bus import Bus, Closable
 
+LOGGER: Final = "logger"
+OBJECTS: Final = "objects"
 SOURCE: Final = "source"
 _LEFT: Final = "left"
 
 
-def token_key(target: str, realm: str, session: str | None = None) -> str:
+def token_key(target: str, realm: str, session: str | None = None, *, role: str = LOGGER) -> str:
     """The key of a logger's token, or the expression for all of the target's."""
-    return keys.verb_key(realm, target, "@alive", "logger", session)
+    return keys.verb_key(realm, target, "@alive", role, session)
 
 
 def show_source(bus: Bus, target: str, realm: str, session: str) -> Closable:
@@ -35,20 +38,22 @@ def session_of(key: str) -> str:
     return parts[1]
 
 
-def loggers(bus: Bus, target: str, realm: str = keys.LIVE) -> set[str]:
+def loggers(bus: Bus, target: str, realm: str = keys.LIVE, *, role: str = LOGGER) -> set[str]:
     """Sessions that hold the name of a target now."""
-    return {session_of(key) for key in bus.who_is_alive(token_key(target, realm), timeout_s=0.5)}
+    return {session_of(key) for key in bus.who_is_alive(token_key(target, realm, role=role), timeout_s=0.5)}
 
 
 class Presence:
     """Follows the loggers of a target until closed; changed(there) is called when the first comes or the last goes."""
 
-    def __init__(self, bus: Bus, target: str, realm: str, changed: Callable[[bool], None] | None = None) -> None:
+    def __init__(
+        self, bus: Bus, target: str, realm: str, changed: Callable[[bool], None] | None = None, *, role: str = LOGGER
+    ) -> None:
         self._changed = changed
         self._there: set[str] = set()
         self._news = threading.Condition()
         self._closed = False
-        self._watch = bus.watch_alive(token_key(target, realm), self._seen)
+        self._watch = bus.watch_alive(token_key(target, realm, role=role), self._seen)
 
     @property
     def sessions(self) -> set[str]:

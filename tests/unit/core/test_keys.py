@@ -210,7 +210,8 @@ def test_another_key_is_no_hidden_one(key: str) -> None:
 def test_an_unknown_verb_cannot_be_asked() -> None:
     """The message lists those there are."""
     with pytest.raises(
-        ValueError, match="'@stat' is no verb; expected one of @state, @log, @classes, @do, @control, @sent, @beat, @alive"
+        ValueError,
+        match="'@stat' is no verb; expected one of @state, @log, @classes, @do, @control, @objects, @sent, @beat, @alive",
     ):
         verb_key(LIVE, "plc1", "@stat")
 
