@@ -1,7 +1,7 @@
 """The interfaces that TcCOM itself defines, as far as they make sense here, under TwinCAT's ids.
 
-ITcUnknown has no methods here: querying, counting and releasing are what a Reference does. ITComObject and ITcADI are
-implemented by Module for every object; the object server, tasks and cyclic modules implement the rest.
+ITcUnknown has no methods here: querying, counting and releasing are what a Reference does. ITComObject, ITcADI and
+ITcWatchSource are implemented by Module for every object; the object server, tasks and cyclic modules implement the rest.
 
 What an interface reveals of an object is plain data, so that it can be called over the bus as well.
 """
@@ -18,6 +18,7 @@ from bridge.tccom.identity import (
     ITC_CYCLIC_CALLER,
     ITC_TASK,
     ITC_UNKNOWN,
+    ITC_WATCH_SOURCE,
     ITCOM_OBJECT,
     ITCOM_OBJECT_SERVER,
     NO_OBJECT,
@@ -112,6 +113,13 @@ class IDataAreas(Protocol):
 
     def read_symbol(self, path: str) -> Answer[object]: ...
     def write_symbol(self, path: str, value: object) -> Answer[None]: ...
+
+
+@interface(ITC_WATCH_SOURCE)
+class IWatchSource(Protocol):
+    """ITcWatchSource: parameters (by id or name) and symbols (by path) as they were at one moment. Offered by every module."""
+
+    def read_values(self, keys: tuple[ParameterKey, ...]) -> Answer[tuple[object, ...]]: ...
 
 
 @interface(ITCOM_OBJECT_SERVER)

@@ -23,7 +23,7 @@ from typing import ClassVar, Protocol, Self, TypeVar
 from bridge.core.arguments import guid
 from bridge.core.hresult import ADS_E_NOTINIT, S_OK, AdsError
 from bridge.tccom.declarations import Address, Declarations, InterfacePointer, declarations
-from bridge.tccom.general import IDataAreas, IObject, ObjectInfo, ParameterKey, Parameters
+from bridge.tccom.general import IDataAreas, IObject, IWatchSource, ObjectInfo, ParameterKey, Parameters
 from bridge.tccom.identity import CREATE_NEW_ID, NO_OBJECT, CategoryId, ClassId, InterfaceId, ObjectId, versioned_class_id
 from bridge.tccom.interfaces import DONE, Answer, Interface, InterfaceInfo, missing, offered
 from bridge.tccom.references import Reference
@@ -85,9 +85,10 @@ class Place(Protocol):
     def set_parameter(self, key: ParameterKey, value: object) -> None: ...
     def read_symbol(self, path: str) -> object: ...
     def write_symbol(self, path: str, value: object) -> None: ...
+    def read_values(self, keys: tuple[ParameterKey, ...]) -> tuple[object, ...]: ...
 
 
-class Module(IObject, IDataAreas):
+class Module(IObject, IDataAreas, IWatchSource):
     """The base class of all modules.
 
     class_id: the GUID of the class, without which it cannot be created by id. library: "vendor|library|version", when
@@ -186,7 +187,7 @@ class Module(IObject, IDataAreas):
         """What an interface pointer points to."""
         return self.place.pointed(pointer)
 
-    # ITComObject and ITcADI.
+    # ITComObject, ITcADI and ITcWatchSource.
 
     def get_object_id(self) -> Answer[ObjectId]:
         return Answer(self.object_id)
@@ -225,3 +226,6 @@ class Module(IObject, IDataAreas):
     def write_symbol(self, path: str, value: object) -> Answer[None]:
         self.place.write_symbol(path, value)
         return DONE
+
+    def read_values(self, keys: tuple[ParameterKey, ...]) -> Answer[tuple[object, ...]]:
+        return Answer(self.place.read_values(keys))

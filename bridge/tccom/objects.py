@@ -18,6 +18,7 @@ import msgspec
 from bridge.core.hresult import (
     ADS_E_EXCEPTION,
     ADS_E_INVALIDSTATE,
+    ADS_E_NOTFOUND,
     ADS_E_NOTINIT,
     ADS_E_TIMEOUT,
     S_OK,
@@ -25,7 +26,7 @@ from bridge.core.hresult import (
 )
 from bridge.tccom import values
 from bridge.tccom.declarations import UNSET, Address, InterfacePointer
-from bridge.tccom.general import IDataAreas, IObject, ObjectInfo, ParameterKey
+from bridge.tccom.general import IDataAreas, IObject, IWatchSource, ObjectInfo, ParameterKey
 from bridge.tccom.identity import NO_OBJECT, InterfaceId, ObjectId, id_text
 from bridge.tccom.interfaces import Answer, Interface, InterfaceInfo, Method, carry_out, describe
 from bridge.tccom.module import Module, Server
@@ -36,7 +37,7 @@ T = TypeVar("T")
 
 SLOW_NS: Final = 100_000_000
 """A real-time transition (SO, OS) that takes longer is reported."""
-_OWN_TURN: Final = (describe(IObject).id, describe(IDataAreas).id)
+_OWN_TURN: Final = (describe(IObject).id, describe(IDataAreas).id, describe(IWatchSource).id)
 """Interfaces whose methods take the turn themselves where they need it: a name can be read while a slow hook runs."""
 _STACKS: Final = {State.PREOP: Transition.IP, State.SAFEOP: Transition.PS, State.OP: Transition.SO}
 
@@ -135,10 +136,10 @@ class LiveObject:
     # Holders.
 
     def add_ref(self) -> int:
-        """One holder more; the count. AdsError (ADS_E_INVALIDSTATE) when the object is gone."""
+        """One holder more; the count. AdsError (ADS_E_NOTFOUND) when the object is gone."""
         with self._count:
             if not self.references:
-                raise AdsError(ADS_E_INVALIDSTATE, f"{self} is gone")
+                raise AdsError(ADS_E_NOTFOUND, f"{self} is gone")
             self.references += 1
             return self.references
 
@@ -356,6 +357,12 @@ class LiveObject:
         """Set a symbol of a writable area."""
         with self.turn():
             values.write_symbol(self.module, path, value)
+
+    def read_values(self, keys: tuple[ParameterKey, ...]) -> tuple[object, ...]:
+        """Parameters and symbols in one turn."""
+        readings = [values.reading(self.module, key) for key in keys]
+        with self.turn():
+            return tuple(read() for read in readings)
 
     def watch(self, key: ParameterKey, tell: Callable[[object], None]) -> values.Watch:
         """Tell a parameter's or symbol's value now and at each change; AdsError when there is none.

@@ -22,6 +22,7 @@ from bridge.tccom.general import IObject, IObjectServer
 from bridge.tccom.identity import CREATE_NEW_ID, FIRST_FREE_ID, LAST_FREE_ID, OBJECT_SERVER_ID
 from bridge.tccom.interfaces import Answer
 from bridge.tccom.module import Module
+from bridge.tccom.references import Reference
 from bridge.tccom.reports import Report, ReportKind
 from bridge.tccom.server import ObjectServer
 from bridge.tccom.states import State
@@ -74,6 +75,17 @@ def test_holders_are_counted() -> None:
             assert failure.value.code == E_POINTER
         reference.safe_release()
         assert server.object_info(reference.object_id).references == 1
+
+
+def test_who_is_gone_is_not_held_again() -> None:
+    """Also by somebody who found it a moment before."""
+    with ObjectServer() as server:
+        reference = server.create(Calculation, ICalculation)
+        server.delete(reference.object_id)
+        reference.safe_release()
+        with pytest.raises(AdsError) as failure:
+            Reference(reference.held, ICalculation)
+        assert failure.value.code == ADS_E_NOTFOUND
 
 
 def test_references_of_a_dead_owner_are_released() -> None:
