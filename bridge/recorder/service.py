@@ -5,7 +5,8 @@ Rule 2: what is lost is in the file, at its place: gaps, what the memory could n
 Rule 3: the file is flushed TRANSITION_FLUSH_S after an alarm transition was written at the latest, and every flush_s.
 Rule 4: a recorder that cannot write stops loudly: `error` is set, wait() returns, close() raises RecordingError. What was
 flushed stays, and the next recorder of that file or folder recovers it: starting again is how one tells it to go on.
-Rule 5: who asks for something (a pause, a split, a capture) is answered by the writing thread, between two items.
+Rule 5: who orders something (a pause, a split, a capture) is answered by the writing thread, when all that came before the
+order is written.
 """
 
 import logging
@@ -18,9 +19,8 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future
 from pathlib import Path
 from types import TracebackType
-from typing import Final
+from typing import Final, NamedTuple
 
-from bridge.clock import SteadyClock
 from bridge.core import keys
 from bridge.core.filters.ast import Everything, Expr
 from bridge.core.filters.text import to_text
@@ -38,8 +38,10 @@ from bridge.edges.recording import (
     recover,
 )
 from bridge.edges.recording.folder import Keep
+from bridge.edges.recording.recovery import discard_empty
 from bridge.listener import Listener
 from bridge.notices import Heard, Item
+from bridge.recorder.arrivals import Arrivals
 from bridge.recorder.capture import Capture, Windows
 from bridge.recorder.choice import Choice
 from bridge.recorder.files import Files, Split
@@ -110,14 +112,13 @@ class Recorder:
         more = {} if capture is None or choice.trigger is None else _capture_texts(capture, choice.trigger)
         self.path = path
         self.error: RecordingError | None = None
-        self._flush_s, self._clock = EARLY * flush_s, clock
-        self._steady = SteadyClock.of(clock)
+        self._flush_s = EARLY * flush_s
+        self._arrivals = Arrivals(clock)
         self._silent: list[str] = []
-        self._orders: deque[tuple[Callable[[], None], Future[None]]] = deque()
+        self._orders: deque[_Order] = deque()
         self._closing = self._closed = False
         self._ended = threading.Event()  # not join(): one that a signal interrupts takes the thread for ended (Python 3.11)
         self._paused: int | None = None
-        self._last_ns = self._steady()
         self._files = Files(
             path,
             choice,
@@ -152,7 +153,7 @@ class Recorder:
             for state in self.listener.snapshot():
                 self._files.states.take(state)
             if self._windows is None:
-                self._files.begin(self._last_ns)
+                self._files.begin(self._arrivals.last_ns)
         except BaseException:
             self.listener.close()
             self._files.abandon()
@@ -193,15 +194,15 @@ class Recorder:
         self._order(lambda: self._trigger_now(why))
 
     def _order(self, carry_out: Callable[[], None]) -> None:
-        done: Future[None] = Future()
-        self._orders.append((carry_out, done))
+        order = _Order(self._arrivals.now_ns(), carry_out, Future())
+        self._orders.append(order)
         if self._ended.is_set():
             self._refuse_orders()
-        done.result(ANSWER_S)
+        order.done.result(ANSWER_S)
 
     def _refuse_orders(self) -> None:
         while self._orders:
-            self._orders.popleft()[1].set_exception(self.error or RecordingError(self.path, "is not recorded any more"))
+            self._orders.popleft().done.set_exception(self.error or RecordingError(self.path, "is not recorded any more"))
 
     def _pause(self) -> None:
         if self._paused is None:
@@ -214,21 +215,21 @@ class Recorder:
         if self._windows is not None:
             self._windows.armed = True
         elif self._paused:
-            self._files.miss(self._paused, PAUSED, self._last_ns)
-            self._files.keyframe(self._last_ns)
+            self._files.miss(self._paused, PAUSED, self._arrivals.last_ns)
+            self._files.keyframe(self._arrivals.last_ns)
         self._paused = None
 
     def _split_now(self) -> None:
         if self._files.current is None:
             raise ValueError("no file is open")
-        self._files.split(self._steady())
+        self._files.split(self._arrivals.now_ns())
 
     def _trigger_now(self, why: str) -> None:
         if self._windows is None:
             raise ValueError("this recorder writes everything: there is nothing to trigger")
         if self._paused is not None:
             raise ValueError("the recorder is paused")
-        self._windows.trigger(self._steady(), why)
+        self._windows.trigger(self._arrivals.now_ns(), why)
 
     # The writing thread.
 
@@ -260,16 +261,16 @@ class Recorder:
             item = self.listener.get(max(0.0, due_s - time.monotonic()) if dirty else self._flush_s)
             if item is None and closing:
                 break
-            self._carry_out_orders()
-            now_ns, ahead_ns = self._now()
+            now_ns, orders = self._arrivals.now_ns(), len(self._orders)
             items: list[Item] = []
             while item is not None:
                 items.append(item)
                 item = self.listener.get(0) if len(items) < BATCH else None
             drained = len(items) < BATCH
-            for item, at_ns in zip(items, self._times(items, now_ns, ahead_ns, drained), strict=True):
+            for item, at_ns in zip(items, self._arrivals.times(items, drained=drained), strict=True):
                 urgent |= self._take(item, at_ns)
             dirty |= bool(items)
+            self._carry_out(orders, None if drained else self._arrivals.last_ns)
             if drained:
                 self._tick(now_ns - SLACK_NS)
             now_s = time.monotonic()
@@ -278,14 +279,16 @@ class Recorder:
                     self._files.flush()
                 self._status = self._stands()
                 flushed_s, dirty, urgent = now_s, False, False
-        self._carry_out_orders()
-        owing = self._windows is None or self._windows.misses_tail(self._steady())
+        owing = self._windows is None or self._windows.misses_tail(self._arrivals.now_ns())
         self._files.end(self._silent if owing else ())
         self._files.close()
 
-    def _carry_out_orders(self) -> None:
-        while self._orders:
-            carry_out, done = self._orders.popleft()
+    def _carry_out(self, orders: int, up_to_ns: int | None) -> None:
+        """Carry out so many orders, as far as all that came before them is written: all, or what came up to a time."""
+        for _ in range(orders):
+            if up_to_ns is not None and self._orders[0].at_ns > up_to_ns:
+                return
+            _, carry_out, done = self._orders.popleft()
             try:
                 carry_out()
             except ValueError as error:
@@ -296,25 +299,6 @@ class Recorder:
             else:
                 self._status = self._stands()
                 done.set_result(None)
-
-    def _now(self) -> tuple[int, int]:
-        """The time, and by how much it is ahead of a clock that was set back."""
-        raw_ns = self._clock()
-        now_ns = self._steady()
-        return now_ns, now_ns - raw_ns if now_ns - raw_ns > NS_PER_S else 0
-
-    def _times(self, items: list[Item], now_ns: int, ahead_ns: int, drained: bool) -> list[int]:
-        """When each item came. A notice does not say it: it came before the event behind it, the last of all by now."""
-        times = []
-        follows_ns = now_ns if drained else 0
-        for item in reversed(items):
-            if isinstance(item, Heard):
-                follows_ns = min(item.arrival_ns + ahead_ns, now_ns) if ahead_ns else item.arrival_ns
-            times.append(follows_ns)
-        times.reverse()
-        for place, at_ns in enumerate(times):
-            self._last_ns = times[place] = max(at_ns, self._last_ns)
-        return times
 
     def _take(self, item: Item, at_ns: int) -> bool:
         """Deal with one item; True for an alarm transition."""
@@ -362,7 +346,7 @@ class Recorder:
         """Finish what a crash left in the folder, or of this file."""
         one = self.path.with_name(self.path.name + ACTIVE_SUFFIX)
         for left in [one] if self.path.suffix == ".mcap" else leftovers(self.path):
-            if left.exists():
+            if left.exists() and not discard_empty(left):
                 try:
                     tell(Recovered.of(recover(left)))
                 except RecordingError as error:
@@ -394,6 +378,12 @@ class Recorder:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
+
+
+class _Order(NamedTuple):
+    at_ns: int
+    carry_out: Callable[[], None]
+    done: "Future[None]"
 
 
 class _Output:

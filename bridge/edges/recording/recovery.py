@@ -166,8 +166,26 @@ def _set_aside(source: Path, goal: Path, harmless: bool) -> Path | None:
     raise RecordingError(source, "too many damaged files of this name")
 
 
+def discard_empty(path: Path) -> bool:
+    """Delete a leftover without a byte: its writer was killed before it wrote. False for any other file."""
+    try:
+        with open(path, "rb") as held:
+            lock(held, path)
+            if os.fstat(held.fileno()).st_size:
+                return False
+            path.unlink()
+    except OSError:
+        return False
+    return True
+
+
 def _finish_earlier(source: Path, goal: Path) -> Recovered:
-    """The target is there: take up a recovery that was interrupted after naming it, or refuse."""
+    """The target is there: take up a recovery or a naming that was interrupted, or refuse."""
+    if os.path.samefile(source, goal):
+        source.unlink()
+        with Frames(goal) as frames:
+            messages = sum(1 for _ in frames.messages())
+        return Recovered(path=goal, messages=messages, lost_bytes=0, damage=None, damaged_path=None)
     with Frames(goal) as frames:
         messages = sum(1 for _ in frames.messages())
         told = dict(frames.metadata).get(RECOVERED_METADATA, {})

@@ -180,6 +180,16 @@ def test_a_finished_file_that_missed_its_rename_is_just_renamed(tmp_path: Path) 
     assert os.listdir(tmp_path) == ["night.mcap"]
 
 
+def test_a_finished_file_that_has_both_names_loses_the_one_of_an_active_file(tmp_path: Path) -> None:
+    """Killed between getting its name and giving up the other: both are the same file."""
+    whole = tmp_path / "whole.mcap"
+    items = write_story(whole)
+    os.link(whole, tmp_path / "whole.mcap.active")
+    recovered = recover(tmp_path / "whole.mcap.active")
+    assert (recovered.path, recovered.messages) == (whole, len(items))
+    assert os.listdir(tmp_path) == ["whole.mcap"]
+
+
 def test_a_file_that_is_being_written_is_left_alone(tmp_path: Path) -> None:
     """A second recorder that starts in the same folder does not take the first one's file."""
     with RecordingWriter(tmp_path / "night.mcap") as writer:

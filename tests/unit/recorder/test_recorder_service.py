@@ -160,18 +160,23 @@ def test_a_trigger_is_recorded_whatever_the_filter_says(bus: Bus, tmp_path: Path
 
 
 def test_what_a_crash_left_is_recovered_at_the_next_start(bus: Bus, tmp_path: Path) -> None:
-    """In a folder all of it, each told; what cannot be is told too, stays, and keeps nothing from being recorded."""
+    """In a folder all of it, each told; what cannot be is told too, stays, and keeps nothing from being recorded.
+
+    A file without a byte, of a recorder that was killed before it wrote, is gone.
+    """
     news: list[News] = []
     killed = RecordingWriter(tmp_path / "20251118T110640000Z-000001.mcap")
     killed.flush()
     killed.abandon()
-    (tmp_path / "20251118T110640000Z-000002.mcap.active").write_bytes(b"")
+    (tmp_path / "20251118T110640000Z-000002.mcap.active").write_bytes(b"no recording")
+    (tmp_path / "20251118T110640000Z-000003.mcap.active").touch()
     with Publisher(bus, "plc1") as publisher, Recorder(bus, tmp_path, told=news.append) as recorder:
         send(publisher, recorder, 1)
     assert [type(each) for each in news[:2]] == [Recovered, NotRecovered]
-    assert str(news[1]).endswith("000002.mcap.active is not recovered: is empty")
+    assert "000002.mcap.active is not recovered: is no MCAP file" in str(news[1])
     assert isinstance(news[-1], Finished)
     assert [numbers(path) for path in recordings(tmp_path)] == [[], [1]]
+    assert len(list(tmp_path.glob("*.active"))) == 1
 
 
 def test_a_single_file_that_was_recovered_is_not_written_over(bus: Bus, tmp_path: Path) -> None:
