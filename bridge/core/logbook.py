@@ -2,8 +2,8 @@
 
 Rule 1: decide() changes no alarm, but takes the mark off a suspect one whose source speaks. What it allows is numbered by
 the publisher first and only then folded in by sent(): so a command that cannot be sent has not happened.
-Rule 2: a command is carried out once per id. The last ANSWERS_KEPT answers are kept; an older id is judged by the alarm's
-state alone. The id of one command used for another is refused.
+Rule 2: a command is carried out once per id. The last ANSWERS_KEPT answers are kept, and those an earlier session left; an
+older id is judged by the alarm's state alone. The id of one command used for another is refused.
 Rule 3: alarm transitions come from this logger only. arrived() takes messages of others and refuses their transitions;
 replay() takes all that was recorded; follow() takes what a listener has folded in. An alarm that was replayed (it has an
 origin) stays as it was recorded: commands to it are refused.
@@ -15,6 +15,7 @@ last word, what it left raised is suspect; when it is back, it is not. Refused c
 """
 
 from collections.abc import Iterable, Mapping
+from hashlib import blake2b
 from types import MappingProxyType
 from typing import Final, TypeAlias
 
@@ -69,12 +70,23 @@ class Kept(msgspec.Struct, frozen=True):
     alarm: Alarm
 
 
+class Answered(msgspec.Struct, frozen=True):
+    """A command that was carried out: its digest, the session and number of its event (0: none), whether it made the alarm."""
+
+    digest: bytes
+    session: str
+    seq: int
+    created: bool
+
+
 class Changes(msgspec.Struct, frozen=True):
-    """What must be stored together: events with their unique ids, alarms as they are now, alarms that are gone."""
+    """What must be stored together: events with their unique ids, alarms as they are now, alarms that are gone, and which
+    command it was."""
 
     events: tuple[Stored, ...] = ()
     alarms: tuple[Kept, ...] = ()
     gone: tuple[AlarmKey, ...] = ()
+    answered: tuple[Answered, ...] = ()
 
 
 class Plan(msgspec.Struct, frozen=True):
@@ -123,8 +135,9 @@ class Logbook:
         next_unique_id: int = 1,
         limits: Limits = DEFAULT_LIMITS,
         answers_kept: int = ANSWERS_KEPT,
+        answered: Iterable[Answered] = (),
     ) -> None:
-        """alarms and next_unique_id are what an earlier session left."""
+        """alarms, next_unique_id and answered are what an earlier session left."""
         self.target, self.session, self.limits = target, session, limits
         self.next_unique_id = next_unique_id
         self.table = AlarmTable()
@@ -134,6 +147,7 @@ class Logbook:
         self._lives: dict[AlarmKey, int] = {}
         self._answers: dict[str, tuple[int, CommandAnswer]] = {}
         self._answers_kept = answers_kept
+        self._earlier = {each.digest: each for each in answered}
         left = list(alarms)
         self.table.load(kept.alarm for kept in left)
         self._lives.update((kept.alarm.key, kept.unique_id) for kept in left)
@@ -145,6 +159,9 @@ class Logbook:
         known = self._answers.get(question.id)
         if known is not None and known[0] == hash(question):
             return known[1]
+        if self._earlier and (before := self._earlier.get(_digest(question))) is not None:
+            answer = self._answer(question, 0, self.table.alarms.get(question.command.key), seq=before.seq)
+            return msgspec.structs.replace(answer, session=before.session, created=before.created)
         command = question.command
         texts = (
             ("id", question.id, NAME_CHARS),
@@ -204,11 +221,13 @@ class Logbook:
             self._sources[plan.alarm.key] = question.session
             self._lives[plan.alarm.key] = 0
             answer = CommandAnswer(id=question.id, session=self.session, alarm=plan.alarm, created=True)
-            return Outcome(self._remember(question, answer), Changes(alarms=(Kept(0, plan.alarm),)))
+            changes = Changes(alarms=(Kept(0, plan.alarm),), answered=(self._answered(answer, question),))
+            return Outcome(self._remember(question, answer), changes)
         changes, seq = Changes(), 0
         for event in events:
             changes, seq = self.replay(event, arrival_ns), event.seq
         answer = self._answer(question, 0, self.table.alarms.get(question.command.key), seq=seq)
+        changes = msgspec.structs.replace(changes, answered=(self._answered(answer, question),))
         return Outcome(self._remember(question, answer), changes)
 
     def stop(self, now_ns: int) -> tuple[AlarmEvent, ...]:
@@ -223,6 +242,9 @@ class Logbook:
         self, question: CommandQuestion, code: int, alarm: Alarm | None, detail: str = "", *, seq: int = 0
     ) -> CommandAnswer:
         return CommandAnswer(id=question.id, session=self.session, result=code, detail=detail, alarm=alarm, seq=seq)
+
+    def _answered(self, answer: CommandAnswer, question: CommandQuestion) -> Answered:
+        return Answered(_digest(question), self.session, answer.seq, answer.created)
 
     def _remember(self, question: CommandQuestion, answer: CommandAnswer) -> CommandAnswer:
         self._answers[question.id] = (hash(question), answer)
@@ -339,6 +361,15 @@ class Logbook:
             )
             for part in range(count)
         ]
+
+
+def _digest(question: CommandQuestion) -> bytes:
+    """Which command it is, its id included; the same in every process."""
+    try:
+        data = msgspec.json.encode(question)
+    except UnicodeEncodeError:  # a lone surrogate, from this process
+        data = repr(question).encode("utf-8", "backslashreplace")
+    return blake2b(data, digest_size=16).digest()
 
 
 def _as_event(alarm: Alarm) -> AlarmDisposed:

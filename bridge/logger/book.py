@@ -21,10 +21,10 @@ from bridge.core.event_fields import FIELD_ROWS, NAMES, value
 from bridge.core.events import DEFAULT_LIMITS, AnyEvent, Limits
 from bridge.core.filters.text import parse
 from bridge.core.hresult import ADS_E_INVALIDPARM, AdsError
-from bridge.core.logbook import Changes, Kept, Logbook
+from bridge.core.logbook import Answered, Changes, Kept, Logbook
 from bridge.core.own_events import OWN_CLASS
 from bridge.core.questions import LogQuestion, Stored
-from bridge.edges.cache import Cache, CacheError, Drop, StoreBatch, StoredAlarm, StoredEvent
+from bridge.edges.cache import Cache, CacheError, Drop, StoreBatch, StoredAlarm, StoredAnswer, StoredEvent
 from bridge.edges.cache import Stored as Row
 from bridge.edges.recording import StateFrame
 
@@ -79,6 +79,7 @@ class Book:
             alarms=[Kept(kept.unique_id, kept.alarm) for kept in left],
             next_unique_id=int(meta.get(NEXT_ID, "1")),
             limits=limits,
+            answered=(Answered(*each) for each in self.cache.load_answers()),
         )
         self._resolve_class = resolve_class
         self._waiting: list[Changes] = []
@@ -102,7 +103,9 @@ class Book:
         """Hand changes to the cache, in order; False while it takes none."""
         with self.lock:
             events: list[Row] = []
+            answered: list[Answered] = []
             for change in changes:
+                answered.extend(change.answered)
                 events.extend(Row(stored.unique_id, stored.arrival_ns, stored.event) for stored in change.events)
                 self._owed.update((kept.alarm.key, kept) for kept in change.alarms)
                 self._owed.update(dict.fromkeys(change.gone))
@@ -111,6 +114,7 @@ class Book:
                 [StoredAlarm(kept.unique_id, kept.alarm) for kept in self._owed.values() if kept is not None],
                 [key for key, kept in self._owed.items() if kept is None],
                 {NEXT_ID: str(self.logbook.next_unique_id)},
+                [StoredAnswer(each.digest, each.session, each.seq, each.created) for each in answered],
             )
             try:
                 self.cache.append(batch)

@@ -1,6 +1,5 @@
 """A logger is killed at any moment: what was answered is there, once, and its alarms are as the log says."""
 
-import contextlib
 import random
 import sys
 import threading
@@ -10,14 +9,16 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from bridge.core import keys
 from bridge.core.alarms import AlarmCommand, AlarmKey, Clear, Confirm, Create, Raise, fold
 from bridge.core.events import Severity
 from bridge.core.hresult import AdsError
+from bridge.core.questions import CommandAnswer, CommandQuestion
 from bridge.edges.bus import Bus, BusConfig, open_bus
 from bridge.edges.cache import Cache
 from bridge.logger import LoggerProxy
 from bridge.logger.proxy import CommandUnknownError
-from tests.e2e.fault_stories import CLASS, WAIT_S, Program, program
+from tests.e2e.fault_stories import CLASS, WAIT_S, Program, eventually, program
 
 CLIENTS = 3
 
@@ -28,6 +29,7 @@ class Client:
     def __init__(self, bus: Bus, number: int) -> None:
         self.key = AlarmKey("plc1", CLASS, number, None, f"MAIN.client{number}")
         self.answered: dict[str, tuple[str, int]] = {}
+        self.refused: list[str] = []
         self.asked = 0
         self._proxy = LoggerProxy(bus, "plc1", timeout_s=WAIT_S)
         self._stop = threading.Event()
@@ -45,8 +47,11 @@ class Client:
             )
             command = commands[self.asked % 4]
             self.asked += 1
-            with contextlib.suppress(AdsError, CommandUnknownError):
+            try:
                 answer = self._proxy.do(command)
+            except (AdsError, CommandUnknownError) as error:
+                self.refused.append(f"{comment}: {error}")
+            else:
                 if answer.seq:
                     self.answered[comment] = (answer.session, answer.seq)
 
@@ -77,7 +82,10 @@ def check(path: Path, answered: dict[str, tuple[str, int]]) -> None:
 
 @pytest.mark.parametrize("kills", [3, pytest.param(50, marks=pytest.mark.slow)])
 def test_a_logger_that_is_killed_at_random_moments(kills: int, bus_config: BusConfig, tmp_path: Path) -> None:
-    """Each command that was answered is in the cache after the kill, none twice, and the alarms are the fold of the log."""
+    """Each command that was answered is in the cache after the kill, none twice, and the alarms are the fold of the log.
+
+    Nobody is refused what was done already: who gets no answer asks again with the same id, and hears what became of it.
+    """
     seed = random.randrange(2**32)
     sys.stdout.write(f"seed {seed}\n")
     moments = random.Random(seed)
@@ -106,6 +114,47 @@ def test_a_logger_that_is_killed_at_random_moments(kills: int, bus_config: BusCo
             for client in clients:
                 client.stop()
     assert sum(len(client.answered) for client in clients) > 10 * kills
+    assert [client.refused for client in clients] == [[]] * CLIENTS
+
+
+def test_a_command_that_was_carried_out_before_the_kill_is_not_carried_out_again(bus_config: BusConfig, tmp_path: Path) -> None:
+    """Its answer was lost with the logger. Asked again with the same id, it hears of the event of then, whatever came since."""
+    command = ("serve", "--target", "plc1", "--cache", str(tmp_path / "plc1.db"), "--scouting-group", bus_config.scouting_group)
+    key = AlarmKey("plc1", CLASS, 1, None, "MAIN.pump")
+    create, raise_, clear = (
+        CommandQuestion(id=name, command=done, session="pump")
+        for name, done in (("c", Create(key=key, severity=Severity.ERROR)), ("r", Raise(key=key)), ("x", Clear(key=key)))
+    )
+    with open_bus(bus_config) as bus:
+        proxy = LoggerProxy(bus, "plc1", timeout_s=WAIT_S)
+        with program(*command) as logger:
+            assert "is ready" in logger.line()
+            before = [asked(bus, question) for question in (create, raise_, clear)]
+            logger.kill()
+        with program(*command) as logger:
+            assert "is ready" in logger.line()
+            after = [asked(bus, question) for question in (create, raise_, clear)]
+            assert not proxy.is_raised(key)
+            assert len(list(proxy.log())) == 2
+            assert [(one.result, one.session, one.seq, one.created) for one in after] == [
+                (0, before[0].session, seq, created) for seq, created in ((0, True), (1, False), (2, False))
+            ]
+            assert asked(bus, CommandQuestion(id="r2", command=Raise(key=key))).seq == 1  # another one, of this session
+
+
+def asked(bus: Bus, question: CommandQuestion) -> CommandAnswer:
+    """What the logger answers to a command, sent as it is."""
+    verb = keys.verb_key(keys.LIVE, "plc1", "@do", str(question.command.__struct_config__.tag))
+    found: list[CommandAnswer] = []
+
+    def answered() -> bool:
+        found.extend(
+            msgspec.json.decode(one.payload, type=CommandAnswer) for one in bus.ask(verb, msgspec.json.encode(question))
+        )
+        return bool(found)
+
+    assert eventually(answered)
+    return found[0]
 
 
 def _compare_state(bus: Bus, logger: Program, path: Path, clients: list[Client]) -> None:

@@ -2,7 +2,7 @@
 
 from bridge.edges.cache.file import CacheError, move_aside
 from bridge.edges.cache.queries import SessionRange
-from bridge.edges.cache.rows import RowError, StoreBatch, Stored, StoredAlarm, StoredEvent
+from bridge.edges.cache.rows import RowError, StoreBatch, Stored, StoredAlarm, StoredAnswer, StoredEvent
 from bridge.edges.cache.store import Cache, CacheCounts, Drop
 
 __all__ = [
@@ -15,6 +15,7 @@ __all__ = [
     "StoreBatch",
     "Stored",
     "StoredAlarm",
+    "StoredAnswer",
     "StoredEvent",
     "move_aside",
 ]

@@ -10,6 +10,7 @@ SQL says nothing about them; the predicate decides on `body`.
 events  one row per message and per alarm transition. id is the order of arrival and is never used twice. unique_id is one per
         message and one per alarm life. body is the event as codec.encode() writes it (JSON), with all that has no column.
 alarms  state as it is now, by key, with the unique_id of its life; dropping events never changes it.
+answers what became of the last commands: a digest of each that was carried out, and the event it caused.
 meta    facts of the file by name: what its writer wants to find again (session, next unique id, mark of a clean stop),
         `dropped_events` (how many events the size limit has cost so far) and `durable_commits`.
 """
@@ -67,5 +68,15 @@ CREATE TABLE meta (
 ) STRICT;
 """
 
-MIGRATIONS: Final = (_V1,)
+_V2: Final = """
+CREATE TABLE answers (
+    number INTEGER PRIMARY KEY,
+    question BLOB NOT NULL UNIQUE,
+    session TEXT NOT NULL,
+    seq INTEGER NOT NULL,
+    created INTEGER NOT NULL
+) STRICT;
+"""
+
+MIGRATIONS: Final = (_V1, _V2)
 VERSION: Final = len(MIGRATIONS)

@@ -23,9 +23,11 @@ from bridge.core.hresult import ADS_E_NOMEMORY, AdsError
 from bridge.core.keys import EventKey
 from bridge.edges.cache.file import CacheError, CacheFile, Parameter, used_bytes
 from bridge.edges.cache.residual import RowPredicate, row_predicate
-from bridge.edges.cache.rows import EVENT_COLUMNS, RowError, StoredAlarm, StoredEvent, read_alarm, read_event
+from bridge.edges.cache.rows import EVENT_COLUMNS, RowError, StoredAlarm, StoredAnswer, StoredEvent, read_alarm, read_event
 
 PAGE: Final = 1_000
+ANSWERS_KEPT: Final = 1_000
+"""Of commands, beyond the life of a logger: some 80 kB."""
 SORT_ROWS: Final = 200_000
 """How many rows are sorted in memory: their sort keys and numbers, some 30 MB."""
 _SELECT: Final = "SELECT id, unique_id, arrival_ns, body, inexact_text"
@@ -205,6 +207,11 @@ class Queries:
             return [StoredAlarm(unique_id, read_alarm(body)) for unique_id, body in rows]
         except RowError as error:
             raise CacheError(self._file.path, f"holds {error}", bad=True) from None
+
+    def load_answers(self) -> list[StoredAnswer]:
+        """What became of the last commands, oldest first."""
+        rows = self._file.read("SELECT question, session, seq, created FROM answers ORDER BY number", ())[-ANSWERS_KEPT:]
+        return [StoredAnswer(question, session, seq, bool(created)) for question, session, seq, created in rows]
 
     def meta(self) -> dict[str, str]:
         """The facts kept by name."""

@@ -9,7 +9,7 @@ Rule 3: what went in comes out, also when it was over a limit: limits are judged
 import json
 import struct
 from collections.abc import Mapping, Sequence
-from typing import Final, TypeAlias, cast
+from typing import Final, NamedTuple, TypeAlias, cast
 
 import msgspec
 
@@ -86,13 +86,24 @@ class StoredAlarm(msgspec.Struct, frozen=True, gc=False):
     alarm: Alarm
 
 
+class StoredAnswer(NamedTuple):
+    """A command that was carried out: its digest, the session and number of its event (0: none), whether it made an alarm."""
+
+    question: bytes
+    session: str
+    seq: int
+    created: bool
+
+
 class StoreBatch(msgspec.Struct, frozen=True):
-    """What is kept together or not at all: events in order, then alarm states, then alarms that are gone, and facts by name."""
+    """What is kept together or not at all: events in order, then alarm states, then alarms that are gone, facts by name, and
+    what became of commands."""
 
     events: Sequence[Stored] = ()
     alarms: Sequence[StoredAlarm] = ()
     removals: Sequence[AlarmKey] = ()
     meta: Mapping[str, str] = {}
+    answers: Sequence[StoredAnswer] = ()
 
 
 def _json(value: AnyEvent | Alarm | AlarmKey) -> bytes:

@@ -24,13 +24,14 @@ from typing import Final, Literal, Self, TypeAlias
 import msgspec
 
 from bridge.edges.cache.file import CacheError, cache_error, open_file, used_bytes
-from bridge.edges.cache.queries import Queries
+from bridge.edges.cache.queries import ANSWERS_KEPT, Queries
 from bridge.edges.cache.rows import (
     EVENT_COLUMNS,
     AlarmRow,
     EventRow,
     RowError,
     StoreBatch,
+    StoredAnswer,
     alarm_row,
     event_row,
     key_bytes,
@@ -54,6 +55,9 @@ _COUNT_META: Final = (
     "INSERT INTO meta (name, value) VALUES (?, ?) "
     "ON CONFLICT (name) DO UPDATE SET value = CAST(value AS INTEGER) + CAST(excluded.value AS INTEGER)"
 )
+_INSERT_ANSWER: Final = "INSERT OR IGNORE INTO answers (question, session, seq, created) VALUES (?, ?, ?, ?)"
+_ANSWERS_STEP: Final = 100
+_FORGET_ANSWERS: Final = "DELETE FROM answers WHERE number <= (SELECT max(number) FROM answers) - ?"
 _AGE_STEP_S: Final = 60.0
 _FORGET_ROWS: Final = 5_000
 
@@ -82,10 +86,11 @@ class _Prepared(msgspec.Struct, frozen=True):
     events: list[EventRow]
     alarms: _AlarmRows
     meta: dict[str, str]
+    answers: Sequence[StoredAnswer]
 
     @property
     def size(self) -> int:
-        return len(self.events) + len(self.alarms) + len(self.meta)
+        return len(self.events) + len(self.alarms) + len(self.meta) + len(self.answers)
 
 
 def _prepare(batch: StoreBatch) -> _Prepared:
@@ -100,7 +105,7 @@ def _prepare(batch: StoreBatch) -> _Prepared:
             (name + value).encode()
         except (UnicodeEncodeError, TypeError) as error:
             raise RowError(f"meta {name!r} = {value!r}: {error}") from None
-    return _Prepared([event_row(stored) for stored in batch.events], alarms, dict(batch.meta))
+    return _Prepared([event_row(stored) for stored in batch.events], alarms, dict(batch.meta), batch.answers)
 
 
 @contextmanager
@@ -114,13 +119,21 @@ def _transaction(connection: sqlite3.Connection) -> Iterator[None]:
             connection.execute("ROLLBACK")
 
 
-def _write(connection: sqlite3.Connection, events: list[EventRow], alarms: _AlarmRows, meta: dict[str, str]) -> int:
+def _write(
+    connection: sqlite3.Connection,
+    events: list[EventRow],
+    alarms: _AlarmRows,
+    meta: dict[str, str],
+    answers: Sequence[StoredAnswer],
+) -> int:
     stored = connection.executemany(_INSERT, events).rowcount if events else 0
     if alarms:
         connection.executemany(_UPSERT_ALARM, [row for row in alarms.values() if row is not None])
         connection.executemany(_REMOVE_ALARM, [(key,) for key, row in alarms.items() if row is None])
     if meta:
         connection.executemany(_UPSERT_META, meta.items())
+    if answers:
+        connection.executemany(_INSERT_ANSWER, answers)
     return stored
 
 
@@ -205,6 +218,7 @@ class Cache(Queries):
         self._queue: deque[_Prepared] = deque()
         self._pending_rows = self._pending_events = 0
         self._accepted = self._committed = self._durable = self._durable_wanted = 0
+        self._answers = _ANSWERS_STEP
         self._stored = self._duplicates = self._dropped = self._refused = 0
         self._error: CacheError | None = None
         self._closing = self._closed = False
@@ -348,8 +362,13 @@ class Cache(Queries):
         events = [row for prepared in batches for row in prepared.events]
         alarms = {key: value for prepared in batches for key, value in prepared.alarms.items()}
         meta = {name: value for prepared in batches for name, value in prepared.meta.items()}
+        answers = [answer for prepared in batches for answer in prepared.answers]
         with self._file.turn() as connection, _synced(connection) if durable else _transaction(connection):
-            stored = _write(connection, events, alarms, meta)
+            stored = _write(connection, events, alarms, meta, answers)
+            self._answers += len(answers)
+            if self._answers >= _ANSWERS_STEP:
+                connection.execute(_FORGET_ANSWERS, (ANSWERS_KEPT,))
+                self._answers = 0
         with self._change:
             for _ in batches:
                 self._queue.popleft()

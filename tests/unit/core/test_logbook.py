@@ -453,3 +453,33 @@ def test_a_source_that_speaks_again_takes_the_mark_off() -> None:
 def test_the_session_of_a_source_has_a_limit() -> None:
     """As every name in a command."""
     assert Clerk().ask(create(), session="x" * 256).result == ADS_E_INVALIDSIZE
+
+
+def test_what_an_earlier_session_carried_out_is_not_carried_out_again() -> None:
+    """Its answer is that of then: the event and who made it; the alarm is as it is now. Another id is another command."""
+    before = Clerk()
+    questions = [CommandQuestion(id=name, command=done) for name, done in (("c", create()), ("r", Raise(key=KEY)))]
+    for question in questions:
+        before.ask(question.command, question.id)
+    before.ask(Clear(key=KEY))
+    answered = [each for changes in before.stored for each in changes.answered]
+    assert [(each.session, each.seq, each.created) for each in answered] == [
+        ("s1", 0, True),
+        ("s1", 1, False),
+        ("s1", 2, False),
+    ]
+    left = [Kept(1, alarm) for alarm in before.book.table.alarms.values()]
+    after = Clerk(Logbook(TARGET, "s2", alarms=left, answered=answered))
+    made, raised = (after.ask(question.command, question.id) for question in questions)
+    assert (made.result, made.session, made.created) == (S_OK, "s1", True)
+    assert (raised.result, raised.session, raised.seq, raised.alarm) == (S_OK, "s1", 1, left[0].alarm)
+    assert after.stored == []
+    again = after.ask(Raise(key=KEY), "another")
+    assert (again.session, again.seq) == ("s2", 1)
+
+
+def test_a_command_with_any_text_has_a_digest() -> None:
+    """A lone surrogate, which only a program of Python can send, changes nothing."""
+    clerk = Clerk()
+    assert clerk.ask(create(comment="\ud800")).result == S_OK
+    assert len(clerk.stored[0].answered[0].digest) == 16

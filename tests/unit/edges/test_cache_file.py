@@ -1,5 +1,6 @@
 """The cache file: what is refused and left as it was, who may have it open, and what a killed process leaves."""
 
+import contextlib
 import os
 import signal
 import sqlite3
@@ -13,7 +14,7 @@ import pytest
 
 from bridge.edges.cache import Cache, CacheError
 from bridge.edges.cache.file import open_file
-from bridge.edges.cache.migrations import APPLICATION_ID, VERSION
+from bridge.edges.cache.migrations import APPLICATION_ID, MIGRATIONS, VERSION
 from tests.unit.edges.cache_stories import events_of, ids_of, message, messages
 
 ROOT = Path(__file__).parents[3]
@@ -217,3 +218,19 @@ def test_the_file_says_whose_it_is_before_the_wal_is_folded_in(tmp_path: Path) -
     file = open_file(str(path))
     assert int.from_bytes(path.read_bytes()[68:72], "big") == APPLICATION_ID
     file.close()
+
+
+def test_a_file_of_the_first_version_is_brought_up(tmp_path: Path) -> None:
+    """Its events stay, and what came since is there."""
+    path = tmp_path / "old.db"
+    with contextlib.closing(sqlite3.connect(path)) as old:
+        old.execute(f"PRAGMA application_id={APPLICATION_ID}")
+        old.executescript(MIGRATIONS[0])
+        old.execute("PRAGMA user_version=1")
+        old.execute("INSERT INTO meta VALUES ('kept', 'yes')")
+        old.commit()
+    with Cache(path) as cache:
+        assert cache.meta()["kept"] == "yes"
+        assert cache.load_answers() == []
+    with contextlib.closing(sqlite3.connect(path)) as new:
+        assert new.execute("PRAGMA user_version").fetchone() == (VERSION,)

@@ -12,7 +12,7 @@ import pytest
 
 from bridge.core.codec import encode
 from bridge.core.events import AnyEvent
-from bridge.edges.cache import Cache, CacheCounts, CacheError, Drop, RowError, StoreBatch, Stored
+from bridge.edges.cache import Cache, CacheCounts, CacheError, Drop, RowError, StoreBatch, Stored, StoredAnswer
 from bridge.edges.cache import store as store_module
 from bridge.testing.builders import TIME_NS, alarm_raised, message_sent
 from tests.unit.edges.cache_stories import NASTY_TEXTS, alarm, events_of, ids_of, message, messages, one_of_each_kind, stored
@@ -477,3 +477,13 @@ def test_a_real_full_disk(small_disk: Path, monkeypatch: pytest.MonkeyPatch) -> 
         assert cache.count() == last + 100
     finally:
         assert cache.close() == 0
+
+
+def test_the_last_answers_are_kept(cache: Cache) -> None:
+    """Oldest first, each once, and no more than a thousand, however they come."""
+    made = [StoredAnswer(number.to_bytes(16), "s1", number, number % 2 == 0) for number in range(2_500)]
+    for start in range(0, 2_500, 50):
+        cache.append(StoreBatch(answers=made[start : start + 50]))
+    cache.append(StoreBatch(answers=made[-3:]))
+    cache.flush()
+    assert cache.load_answers() == made[-1_000:]

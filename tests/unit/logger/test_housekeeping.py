@@ -17,7 +17,7 @@ from bridge.core.own_events import CACHE_DROPPED, LOG_CLEARED, OWN_CLASS
 from bridge.core.questions import ClearLogQuestion, LogQuestion, Stored
 from bridge.core.sequence import Missing
 from bridge.edges.bus import Bus
-from bridge.edges.cache import Cache
+from bridge.edges.cache import Cache, Drop
 from bridge.logger import Commands, EventLogger, LoggerProxy
 from bridge.testing.builders import EVENT_CLASS, OTHER_CLASS
 from tests.unit.logger.logger_stories import alone, eventually, new_alarm
@@ -168,7 +168,16 @@ def test_a_bad_clearing_is_refused(logger: Commands) -> None:
 def test_what_the_cache_drops_is_an_event(bus: Bus) -> None:
     """A message of our own class with number and reason, stored and sent; dropping such messages alone makes no other."""
     cache = Cache(max_events=50)
+    drops: list[Drop] = []
     with EventLogger("plc1", bus=bus, cache=cache) as logger:
+        tell = cache.on_dropped
+
+        def told(drop: Drop) -> None:
+            assert tell is not None
+            drops.append(drop)
+            tell(drop)
+
+        cache.on_dropped = told
         for number in range(51):
             logger.send_message(EVENT_CLASS, number, Severity.INFO, source=Source(name="MAIN"))
         own = LogQuestion(filter=f"event_class = '{OWN_CLASS}'")
@@ -181,9 +190,10 @@ def test_what_the_cache_drops_is_an_event(bus: Bus) -> None:
             logger.catalog.event_text(report.event, "de")
             == "Das Protokoll hat seine 26 ältesten Ereignisse verworfen (max_events)"
         )
-        for _ in range(120):
-            logger.send_message(OWN_CLASS, CACHE_DROPPED, Severity.WARNING, source=Source(name="x"))
-        logger.book.flush()
-        assert eventually(lambda: cache.counts.dropped >= 26 * 4)
-    # One report more: the second drop took some of the 51 too.
-    assert logger.counters.messages == 51 + 120 + 2
+        for _ in range(12):
+            for _ in range(10):
+                logger.send_message(OWN_CLASS, CACHE_DROPPED, Severity.WARNING, source=Source(name="x"))
+            logger.book.flush()
+    assert drops[0] == Drop(26, "max_events")
+    assert any(drop.quiet for drop in drops)
+    assert logger.counters.messages == 51 + 120 + sum(not drop.quiet for drop in drops)
