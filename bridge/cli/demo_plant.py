@@ -141,7 +141,7 @@ def run(folder: Path, lang: str, *, as_json: bool) -> int:
         open_bus_with(BusConfig(scouting_group=group)) as bus,
     ):
         parts.start("logger", "serve", "--target", TARGET)
-        parts.start("recorder", "record", recording.name, "--classes", CLASS_FILE)
+        parts.start("recorder", "record", recording.name, "--classes", CLASS_FILE, "--lang", lang)
         for name, filter in LISTENERS.items():
             parts.start(name, "listen", "--filter", filter)
         for name in PUBLISHERS:

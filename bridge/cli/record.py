@@ -154,8 +154,8 @@ def record(
         except ValueError as error:
             raise Usage(str(error)) from None
         try:
-            stack.enter_context(_control(recorder, bus, name, settings.realm, stopped))
-            note(f"recording realm {settings.realm} to {path}")
+            control = stack.enter_context(_control(recorder, bus, name, settings.realm, stopped))
+            note(f"recording realm {settings.realm} to {path}; its name is {control.name}")
             _wait(recorder, stopped, count, duration)
         except Interrupted:
             pass
@@ -194,11 +194,9 @@ def _control(recorder: "Recorder", bus: "Bus", name: str, realm: str, stopped: t
         return controlled(recorder, bus, name, realm=realm, stop=stopped.set)
     plain = recorder.path.stem or "recorder"
     try:
-        found = controlled(recorder, bus, plain, realm=realm, stop=stopped.set)
+        return controlled(recorder, bus, plain, realm=realm, stop=stopped.set)
     except NameTakenError:
-        found = controlled(recorder, bus, f"{plain}-{os.urandom(4).hex()}", realm=realm, stop=stopped.set)
-    note(f"its name is {found.name}")
-    return found
+        return controlled(recorder, bus, f"{plain}-{os.urandom(4).hex()}", realm=realm, stop=stopped.set)
 
 
 def _tell(news: "News", *, as_json: bool) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from mcap.reader import make_reader
 
 from bridge.core import codec
 from bridge.edges.recording import RecordedEvent, RecordingWriter, read_events
@@ -62,6 +63,19 @@ def test_the_same_comparison_can_be_made_again(demo: tuple[Path, "subprocess.Com
     """With what was kept, replay --against says yes."""
     again = tcbridge(demo[0], "replay", "kept/demo.mcap", "--against", "kept/live.json")
     assert (again.returncode, again.stdout.splitlines()[-1]) == (0, "replay equals live: yes (31 events, 3 alarms)")
+
+
+def test_the_recording_is_readable_for_viewers(demo: tuple[Path, "subprocess.CompletedProcess[str]", float]) -> None:
+    """A line of text for each event, in words and without a GUID, and a span for each of the two alarms that ended."""
+    found: dict[str, list[dict[str, object]]] = {"/log": [], "/alarms": []}
+    with open(demo[0] / "kept" / "demo.mcap", "rb") as file:
+        for _, channel, raw in make_reader(file).iter_messages(topics=list(found)):
+            found[channel.topic].append(json.loads(raw.data))
+    lines = [str(line["message"]) for line in found["/log"]]
+    assert (len(lines), len(found["/alarms"])) == (31, 2)
+    assert "confirmed by shift leader: Axis 3 lags 12.5 mm behind (seen)" in lines
+    assert [line for line in lines if "#" in line] == []
+    assert {line["name"] for line in found["/log"]} >= {"Line1.Press", "Line1.Cell", "Line1.Robot.Axis3"}
 
 
 def test_one_changed_event_is_found(demo: tuple[Path, "subprocess.CompletedProcess[str]", float]) -> None:
