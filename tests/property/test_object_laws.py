@@ -23,7 +23,7 @@ T = Transition
 ACQUIRED = {State.INIT: [], State.PREOP: [T.IP], State.SAFEOP: [T.IP, T.PS], State.OP: [T.IP, T.PS, T.SO]}
 OWNERS = ["", "one", "two"]
 UP = st.sampled_from([State.PREOP, State.SAFEOP, State.OP])
-FAILS = st.sets(st.sampled_from(T), max_size=2)
+FAILS = st.one_of(st.just(set[Transition]()), st.sets(st.sampled_from(T), max_size=2))
 NUMBER = st.integers(0, 99)
 
 
@@ -106,6 +106,10 @@ class ObjectLaws(RuleBasedStateMachine):
     def there(self, object_id: int | None) -> Expected | None:
         return next((thing for thing in self.things if thing.registered and thing.object_id == object_id), None)
 
+    @property
+    def registered(self) -> list[Expected]:
+        return [thing for thing in self.things if thing.registered]
+
     def walk(self, thing: Expected, state: State, *, force: bool = False) -> bool:
         """Whether the whole way succeeds; the object is where it should be then."""
         return all(self.step(thing, step, force=force) for step in path(thing.state, state))
@@ -133,9 +137,16 @@ class ObjectLaws(RuleBasedStateMachine):
 
     # What happens.
 
-    @rule(state=UP, fails=FAILS, other=NUMBER, connects=st.booleans(), own_id=st.sampled_from([CREATE_NEW_ID, 0x1001, 0x1002]))
-    def create(self, state: State, fails: set[Transition], other: int, connects: bool, own_id: int) -> None:
-        there = [thing for thing in self.things if thing.registered]
+    @rule(
+        state=UP,
+        fails=FAILS,
+        other=NUMBER,
+        connects=st.booleans(),
+        holds=st.booleans(),
+        own_id=st.sampled_from([CREATE_NEW_ID, 0x1001, 0x1002]),
+    )
+    def create(self, state: State, fails: set[Transition], other: int, connects: bool, holds: bool, own_id: int) -> None:
+        there = self.registered
         target_id = there[other % len(there)].object_id if there and connects else None
         module = Thing(fails, target_id)
         expected = Expected(module, own_id)
@@ -155,13 +166,15 @@ class ObjectLaws(RuleBasedStateMachine):
         if own_id == CREATE_NEW_ID:
             assert FIRST_FREE_ID <= expected.object_id <= LAST_FREE_ID
         self.things.append(expected)
+        if holds:
+            self.hold_one(expected, "")
 
-    @precondition(lambda self: self.things)
+    @precondition(lambda self: self.registered)
     @rule(number=NUMBER, owner=st.sampled_from(OWNERS))
     def hold(self, number: int, owner: str) -> None:
-        thing = self.things[number % len(self.things)]
-        if self.there(thing.object_id) is not thing:
-            return
+        self.hold_one(self.registered[number % len(self.registered)], owner)
+
+    def hold_one(self, thing: Expected, owner: str) -> None:
         self.held.append(Held(self.server.get(thing.object_id, IObject, owner=owner), thing, owner))
         thing.holders += 1
 
@@ -206,24 +219,20 @@ class ObjectLaws(RuleBasedStateMachine):
     def change_failures(self, number: int, fails: set[Transition]) -> None:
         self.things[number % len(self.things)].module.fails = fails
 
-    @precondition(lambda self: self.things)
+    @precondition(lambda self: self.registered)
     @rule(number=NUMBER, state=st.sampled_from(State))
     def move(self, number: int, state: State) -> None:
-        thing = self.things[number % len(self.things)]
-        if self.there(thing.object_id) is not thing:
-            return
+        thing = self.registered[number % len(self.registered)]
         if self.walk(thing, state):
             self.server.set_state(thing.object_id, state)
         else:
             with pytest.raises(AdsError):
                 self.server.set_state(thing.object_id, state)
 
-    @precondition(lambda self: self.things)
+    @precondition(lambda self: self.registered)
     @rule(number=NUMBER, force=st.booleans())
     def delete(self, number: int, force: bool) -> None:
-        thing = self.things[number % len(self.things)]
-        if self.there(thing.object_id) is not thing:
-            return
+        thing = self.registered[number % len(self.registered)]
         if self.walk(thing, State.INIT, force=force):
             self.server.delete(thing.object_id, force=force)
         else:
@@ -265,4 +274,4 @@ class ObjectLaws(RuleBasedStateMachine):
 
 def test_objects_live_as_long_as_they_are_held() -> None:
     """The laws hold after every step of any course of events, and closing leaves nothing."""
-    run_state_machine_as_test(ObjectLaws, settings=settings(max_examples=200, stateful_step_count=30))
+    run_state_machine_as_test(ObjectLaws, settings=settings(max_examples=150, stateful_step_count=50))

@@ -52,6 +52,9 @@ def test_an_object_lives_as_long_as_it_is_held() -> None:
             server.get(reference.object_id, ICalculation)
         assert failure.value.code == ADS_E_NOTFOUND
         assert reference.interface.addition(1, 1).value == 2
+        with reference.query(IObject) as found, pytest.raises(AdsError) as failure:
+            found.set_state(State.PREOP)
+        assert failure.value.code == ADS_E_INVALIDSTATE
         assert server.living == 2
         assert reference.release() == 0
         assert server.living == 1

@@ -91,6 +91,20 @@ def test_calls_of_a_thread_safe_class_may_overlap() -> None:
         assert worker.most == 4
 
 
+def test_a_thread_safe_object_can_be_watched_too() -> None:
+    """What its calls change is told after each."""
+
+    class Open(Calculation):
+        thread_safe = True
+
+    with ObjectServer() as server:
+        reference = server.create(Open, ICalculation, state=State.OP)
+        told: list[object] = []
+        with server.watch(reference.object_id, "outputs.total", told.append):
+            assert reference.interface.addition(1, 2).value == 3
+        assert told == [0, 3]
+
+
 def test_a_transition_waits_for_the_call_that_is_running() -> None:
     """And a call that comes meanwhile waits for the transition."""
     inside, go_on = threading.Event(), threading.Event()
