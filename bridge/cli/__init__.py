@@ -41,6 +41,7 @@ COMMANDS: Final = {
     "merge": "bridge.cli.cut:merge",
     "diff": "bridge.cli.diff:diff",
     "recover": "bridge.cli.recover:recover",
+    "doctor": "bridge.cli.doctor:doctor",
     "convert": "bridge.cli.convert:convert",
     "filter explain": "bridge.cli.filter:explain",
     "classes list": "bridge.cli.classes:class_list",

@@ -3,6 +3,7 @@
 from bridge.edges.recording.carried import Carried, carried
 from bridge.edges.recording.convert import Converted, convert
 from bridge.edges.recording.copying import Copied, copy_part
+from bridge.edges.recording.doctor import Finding, diagnose
 from bridge.edges.recording.frames import Damage
 from bridge.edges.recording.info import ChannelInfo, RecordingInfo, missing_parts, scan, summary
 from bridge.edges.recording.layout import (
@@ -51,6 +52,7 @@ __all__ = [
     "Damage",
     "EventChannel",
     "EventCount",
+    "Finding",
     "Gap",
     "Part",
     "Recorded",
@@ -72,6 +74,7 @@ __all__ = [
     "carried",
     "convert",
     "copy_part",
+    "diagnose",
     "joined",
     "leftovers",
     "missing_parts",

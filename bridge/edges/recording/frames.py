@@ -200,7 +200,7 @@ class Frames:
         for chunk in chunks:
             self._file.seek(chunk.offset)
             opcode, head, body = self._next(chunk.offset)
-            if opcode != Opcode.CHUNK or len(head) + len(body) != chunk.length or _times(body) != chunk[2:]:
+            if opcode != Opcode.CHUNK or len(head) + len(body) != chunk.length or _times(body) != chunk[2:4]:
                 raise _Damaged(chunk.offset, f"{opcode_name(opcode)} record where the index has another chunk")
             self.record += 1
             yield opcode, chunk.offset, body

@@ -34,12 +34,13 @@ class IndexFault(ValueError):
 
 
 class ChunkPlace(NamedTuple):
-    """A chunk record: where it stands, how long it is, and the log times of its first and last message."""
+    """A chunk record: where it stands, how long it is, the log times of its first and last message, and its channels."""
 
     offset: int
     length: int
     first_ns: int
     last_ns: int
+    channels: frozenset[int]
 
 
 class Index(msgspec.Struct):
@@ -124,6 +125,7 @@ def _read(
 ) -> Index:
     index = Index()
     wanted: dict[int, bool] = {}
+    sets: dict[frozenset[int], frozenset[int]] = {}
     place, last_ns = len(MAGIC), -1
     statistics: Statistics | None = None
     for opcode, body in records:
@@ -153,7 +155,9 @@ def _read(
                     raise IndexFault("the chunk index contradicts itself")
                 last_ns = last
                 if last >= start_ns and first < end_ns and any(wanted[number] for number in inside):
-                    index.chunks.append(ChunkPlace(chunk.chunk_start_offset, chunk.chunk_length, first, last))
+                    channels = frozenset(inside)
+                    channels = sets.setdefault(channels, channels)  # many chunks have the same
+                    index.chunks.append(ChunkPlace(chunk.chunk_start_offset, chunk.chunk_length, first, last, channels))
             case Opcode.ATTACHMENT_INDEX:
                 attachment = AttachmentIndex.read(stream)
                 index.attachments.append(AttachmentPlace(attachment.offset, attachment.name, attachment.data_size))

@@ -256,3 +256,17 @@ def test_info_of_several_files_is_of_all_and_names_a_missing_part(tmp_path: Path
     (tmp_path / "2.mcap").unlink()
     assert run(["info", str(tmp_path), "--json"]) == Exit.OK
     assert [each["complete"] for each in objects(capsys)] == ["yes"]
+
+
+def test_the_doctor_says_what_is_wrong(plant: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nothing, remarks, faults; the exit code is that of faults."""
+    assert run(["doctor", plant]) == Exit.NO  # its numbers have holes that no gap record explains
+    assert run(["cut", plant, "part.mcap", "--filter", "event_id < 22"]) == Exit.OK
+    capsys.readouterr()
+    assert run(["doctor", "part.mcap"]) == Exit.OK
+    out = capsys.readouterr().out
+    assert "part.mcap: nothing wrong" in out
+    assert "remark: missing numbers were not looked for" in out
+    Path("part.mcap").write_bytes(Path("part.mcap").read_bytes()[:-9])
+    assert run(["doctor", "part.mcap", "--json"]) == Exit.NO
+    assert [each["fault"] for each in objects(capsys)].count(True) == 1
