@@ -67,6 +67,8 @@ __all__ = [
 ]
 
 BATCH: Final = 64
+MAX_LOGGERS: Final = 1000
+"""How many sessions that were a logger are remembered."""
 HAND_OVER_ITEMS: Final = 1024
 FULL_ROUNDS: Final = DEFAULT_CAPACITY // BATCH
 """A channel that is never empty holds so many batches at most."""
@@ -103,6 +105,7 @@ class Listener(Handover):
         self._work = threading.RLock()
         self._table = AlarmTable() if with_state else None
         self._loggers: dict[str, str] = {}
+        self._were_loggers: dict[str, str] = {}
         self._marks: dict[str, tuple[str, int]] = {}
         self._doubles: set[TwoLoggers] = set()
         self._gone: dict[str, str] = {}
@@ -247,15 +250,29 @@ class Listener(Handover):
         if self._table is None or isinstance(event, MessageSent):
             return True
         if self._loggers.get(event.target) != event.session:
+            if self._is_of_former_logger(event):
+                return True
             self._resync(event.target, out)
             owner = self._loggers.get(event.target)
             if owner is not None and owner != event.session:
+                if self._is_of_former_logger(event):
+                    return True
                 self.counters.rejected_events += 1
                 reason = f"alarm transition of session {event.session}, but the logger of {event.target} is {owner}"
                 out.append(Rejected(keys.event_key(self.realm, event), codec.encode(event), reason))
                 return False
         self._table.apply(event)
         return True
+
+    def _is_of_former_logger(self, event: AnyEvent) -> bool:
+        """Whether the logger before sent it: it came late, by repair or after the state of the next one, which counts."""
+        owner = self._loggers.get(event.target, "")
+        return event.session < owner and self._were_loggers.get(event.session) == event.target
+
+    def _note_logger(self, target: str, session: str) -> None:
+        self._were_loggers[session] = target
+        if len(self._were_loggers) > MAX_LOGGERS:
+            del self._were_loggers[next(iter(self._were_loggers))]
 
     def _resync(self, target: str | None, out: list[Item] | None = None) -> bool:
         """Ask for the state; with target None of every logger there is. No answer leaves what is known, and is False.
@@ -275,6 +292,7 @@ class Listener(Handover):
         for state in states.whole:
             self._table.load(state.alarms, state.session, state.seq, target=state.target)
             self._loggers[state.target] = state.session
+            self._note_logger(state.target, state.session)
             if self._keep_bytes and out is not None:
                 out.append(state)
         return bool(states.whole)
@@ -288,6 +306,7 @@ class Listener(Handover):
     def _take_beat(self, beat: Beat, out: list[Item]) -> None:
         if self._table is None or beat.role != "logger":
             return
+        self._note_logger(beat.target, beat.session)
         if self._loggers.get(beat.target) != beat.session:
             self._resync(beat.target, out)
         marks = beat.session, beat.marks
@@ -319,7 +338,11 @@ class Listener(Handover):
 
     def _came(self, who: Token) -> None:
         self._losses.meet(who.session, who.target)
-        if who.role != "logger" or self._gone.pop(who.target, None) is None:
+        if who.role != "logger":
+            return
+        with self._work:
+            self._note_logger(who.target, who.session)
+        if self._gone.pop(who.target, None) is None:
             return
         out: list[Item] = []
         with self._work:

@@ -293,7 +293,7 @@ def test_a_loop_starts_over_with_the_state_of_the_start(bus: Bus, path: Path) ->
     night(path)
     clock = HandClock()
     with (
-        Listener(bus, realm="r", with_state=True, on_full="wait") as listener,
+        Listener(bus, realm="r", on_full="wait") as listener,
         Player(
             bus,
             [path],
