@@ -313,9 +313,10 @@ class LiveObject:
         transition = _STACKS.get(self.state)
         if step is not None and step[0] == self.object_id:
             transition = step[1].undoes or step[1].transition
-        if transition is None:
+        stack = None if transition is None else self._stacks.get(transition)
+        if stack is None:
             raise AdsError(ADS_E_INVALIDSTATE, f"{self} is in no state to acquire anything")
-        return self._stacks[transition]
+        return stack
 
     def _hold(self, stack: ExitStack, address: Address, interface: Interface[T]) -> T:
         return stack.enter_context(self._keeper.connect(address, interface, id_text(self.object_id)))

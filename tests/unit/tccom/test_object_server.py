@@ -1,6 +1,8 @@
 """Objects come, are found, held and moved, and go."""
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
 
@@ -194,6 +196,69 @@ def test_a_hook_that_ends_the_program_has_failed() -> None:
         with pytest.raises(AdsError, match="SystemExit"):
             server.set_state(object_id, State.OP)
         assert server.object_info(object_id).state is State.PREOP
+
+
+def test_a_hook_that_is_interrupted_has_failed_too() -> None:
+    """Ctrl-C in the middle of a step up: what it acquired is given back, and the interrupt goes on to whoever waits for it."""
+    reports: list[Report] = []
+
+    def acquire_and_stop(module: Scripted) -> None:
+        module.connect(OBJECT_SERVER_ID, IObjectServer)
+        raise KeyboardInterrupt
+
+    with ObjectServer(report=reports.append) as server:
+        object_id = server.add(Scripted(PS=acquire_and_stop))
+        with pytest.raises(KeyboardInterrupt):
+            server.set_state(object_id, State.OP)
+        assert server.object_info(object_id).state is State.PREOP
+        assert server.object_info(OBJECT_SERVER_ID).references == 1
+        assert reports[-1].kind is ReportKind.FAILED
+
+
+def test_what_cannot_be_given_back_in_good_order_is_reported() -> None:
+    """The rest is given back, the step is done: nobody could try it again."""
+    reports: list[Report] = []
+
+    @contextmanager
+    def awkward() -> Iterator[None]:
+        yield
+        raise OSError("the disk is gone")
+
+    def acquire(module: Scripted) -> None:
+        module.connect(OBJECT_SERVER_ID, IObjectServer)
+        module.enter(awkward())
+
+    with ObjectServer(report=reports.append) as server:
+        object_id = server.add(Scripted(PS=acquire), state=State.OP)
+        reports.clear()
+        server.set_state(object_id, State.PREOP)
+        assert server.object_info(OBJECT_SERVER_ID).references == 1
+    told = [(one.kind, one.transition, one.detail) for one in reports if one.object_id == object_id][:3]
+    assert told == [
+        (ReportKind.DONE, "OS", ""),
+        (ReportKind.UNDO_FAILED, "SP", "OSError: the disk is gone"),
+        (ReportKind.DONE, "SP", ""),
+    ]
+
+
+def test_what_is_acquired_between_transitions_is_given_back_with_the_last_one_up() -> None:
+    """In OP at OS, in SAFEOP at SP; an object that has signed off acquires nothing."""
+    with ObjectServer() as server:
+        module = Scripted()
+        object_id = server.add(module, state=State.SAFEOP)
+        module.connect(OBJECT_SERVER_ID, IObjectServer)
+        server.set_state(object_id, State.OP)
+        module.connect(OBJECT_SERVER_ID, IObjectServer)
+        counts = [server.object_info(OBJECT_SERVER_ID).references]
+        for state in (State.SAFEOP, State.PREOP):
+            server.set_state(object_id, state)
+            counts.append(server.object_info(OBJECT_SERVER_ID).references)
+        assert counts == [3, 2, 1]
+        server.delete(object_id)
+        with pytest.raises(AdsError) as failure:
+            module.connect(OBJECT_SERVER_ID, IObjectServer)
+        assert failure.value.code == ADS_E_INVALIDSTATE
+        assert server.object_info(OBJECT_SERVER_ID).references == 1
 
 
 def test_a_module_that_does_not_do_what_it_offers_is_refused() -> None:
