@@ -25,7 +25,7 @@ from typing import Final, Protocol, Self
 import msgspec
 
 from bridge.core import class_offer, keys
-from bridge.core.arguments import ArgumentType, EventReference
+from bridge.core.arguments import ZERO_GUID, ArgumentType, EventReference
 from bridge.core.catalog import ENGLISH, Catalog, EventClass, Language, Occurrence, language_id
 from bridge.core.class_offer import ClassesPart, ClassesQuestion
 from bridge.core.hresult import ADS_E_INVALIDSTATE, ADS_E_NOMOREHDL, ADS_E_NOTFOUND, AdsError
@@ -36,6 +36,7 @@ log: Final = logging.getLogger(__name__)
 KEPT: Final = 4096
 UNKNOWN_S: Final = 5.0
 OUTSTANDING: Final = 100
+_STEP_S: Final = 0.05
 MAX_ANSWER_BYTES: Final = 64_000_000
 """More than this is not taken from one question, however many answer it."""
 
@@ -115,9 +116,14 @@ def _target(event: Occurrence) -> str:
 
 
 def _classes(event: Occurrence) -> Iterator[str]:
-    """The GUIDs that the text of the event needs: its class, and those of the events it refers to."""
+    """The GUIDs that the text of the event needs: its class, those of the events it refers to, and the one behind its source,
+    which may know the source's name in other languages."""
     if (guid := class_offer.asked_guid(event.event_class)) is not None:
         yield guid
+    source = getattr(event, "source_guid", None)
+    if isinstance(source, str) and getattr(event, "source_name", None) is not None:
+        if (guid := class_offer.asked_guid(source)) is not None and guid != ZERO_GUID:
+            yield guid
     for argument in event.arguments:
         if argument.type == ArgumentType.EVENT_REFERENCE:
             value = argument.python()
@@ -189,9 +195,10 @@ class Texts:
     def guids(self, name: str) -> Sequence[str]:
         """Every GUID of a class name, own ones or, if there are none, those offered in the realm; () when it is unknown.
 
-        For filters: pass it as resolve_class. Never an exception.
+        For filters: pass it as resolve_class. It waits for those who may still turn up on the bus. Never an exception.
         """
-        if not self._catalog.guids(name):
+        while not self._catalog.guids(name):
+            last = not self.bus.undiscovered_s()
             try:
                 found = ask_classes(self.bus, ClassesQuestion(names=(name,)), realm=self.realm, timeout_s=self._timeout_s)
             except (BusError, keys.KeyFormatError) as error:
@@ -199,6 +206,9 @@ class Texts:
             else:
                 with self._lock:
                     self._learn(found)
+            if last or self._closed:
+                break
+            time.sleep(_STEP_S)
         return self._catalog.guids(name)
 
     # Requests, as FB_RequestEventText and FB_RequestEventClassName (manual 6.1.1.2, 6.1.1.3).

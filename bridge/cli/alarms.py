@@ -65,8 +65,8 @@ def alarms(
     if at is not None:
         raise Usage("--at is for recordings; name one")
     known = catalog(settings)
-    expr = parse_filter(filter, known)
     with open_bus(settings) as bus, Texts(bus, realm=settings.realm, catalog=known) as texts:
+        expr = parse_filter(filter, known, texts.guids)
         view = View(known, settings.lang, texts)
         if not _logger_there(bus, settings, wait):
             raise NoLoggerError(settings.target or "any target", f"in realm {settings.realm}")

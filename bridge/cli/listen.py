@@ -41,13 +41,18 @@ def listen(
 
     settings = common.load()
     known = catalog(settings)
-    expr = parse_filter(filter, known)
     ends_s = None if timeout is None else time.monotonic() + timeout
     events = notices = 0
     with (
         open_bus(settings) as bus,
         Texts(bus, realm=settings.realm, catalog=known) as texts,
-        Listener(bus, expr, realm=settings.realm, target=settings.target or None, with_state=with_state) as listener,
+        Listener(
+            bus,
+            parse_filter(filter, known, texts.guids),
+            realm=settings.realm,
+            target=settings.target or None,
+            with_state=with_state,
+        ) as listener,
     ):
         view = View(known, settings.lang, texts)
         try:

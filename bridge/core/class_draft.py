@@ -7,32 +7,41 @@ Rule 2: a file comes from outside, as for the reader: nothing is expanded or fet
 A file that is no XML, and XML that is not well-formed, give the drafts of the classes that the reader could read whole.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 
 import msgspec
 from lxml import etree
 
 from bridge.core.arguments import guid
-from bridge.core.catalog import EventClass
-from bridge.core.tmc import ReadResult
+from bridge.core.catalog import EventClass, EventEntry
+from bridge.core.tmc import FURTHER, ReadResult
 
 _OPTIONS: Final = {"resolve_entities": False, "no_network": True, "huge_tree": False, "remove_comments": True}
 
 
+class DraftText(msgspec.Struct, frozen=True):
+    """A further text of an event: what it is ("cause 1", "detail Wiring"), the text, its line."""
+
+    what: str
+    text: str
+    line: int
+
+
 class DraftEvent(msgspec.Struct, frozen=True):
-    """One event: its line, its id as written, Name and display text."""
+    """One event: its line, its id as written, Name and display text; its causes, remedies and details."""
 
     line: int
     id: str
     name: str
     display_text: str
+    further: tuple[DraftText, ...] = ()
 
 
 class DraftClass(msgspec.Struct, frozen=True):
     """One class: where it stands, its GUID ("" when it has none that is one), and what it says.
 
-    texts are the translations that its texts have: display text to LCID to translation, with the line of each.
+    texts are the translations that its texts have: a text to LCID to translation, with the line of each.
     """
 
     file: str
@@ -80,7 +89,13 @@ def draft(data: bytes, file: str, result: ReadResult) -> Draft:
 def _of_class(file: str, found: EventClass, result: ReadResult) -> DraftClass:
     line = result.line(found.guid)
     events = tuple(
-        DraftEvent(result.line(found.guid, each.id), str(each.id), each.name, each.display_text)
+        DraftEvent(
+            result.line(found.guid, each.id),
+            str(each.id),
+            each.name,
+            each.display_text,
+            tuple(_further(each, result.line(found.guid, each.id))),
+        )
         for each in found.events.values()
     )
     lines = {each.display_text: each.line for each in events}
@@ -88,6 +103,26 @@ def _of_class(file: str, found: EventClass, result: ReadResult) -> DraftClass:
         key: {lcid: (text, lines.get(key, line)) for lcid, text in table.items()} for key, table in found.translations.items()
     }
     return DraftClass(file, line, found.guid, found.qualified_name, found.display_text, events, texts, found.hides)
+
+
+def _further(event: EventEntry, line: int) -> Iterator[DraftText]:
+    for cause in event.causes:
+        yield DraftText(f"cause {cause.id}", cause.cause, line)
+        yield DraftText(f"remedy {cause.id}", cause.remedy, line)
+    for detail in event.details:
+        yield DraftText(f"detail {detail.name}", detail.text, line)
+
+
+def _written(event: etree._Element) -> Iterator[DraftText]:
+    """The properties that core/tmc.py reads as causes, remedies and details."""
+    for each in event.iterfind("Properties/Property"):
+        match = FURTHER.fullmatch(_text(each.find("Name")).strip())
+        if match is not None and match[3] != "DetailComment":
+            yield DraftText(f"{(match[1] or match[3]).lower()} {match[2] or match[4]}", _text(each.find("Value")), _line(each))
+
+
+def _of_event(event: DraftEvent) -> tuple[str, ...]:
+    return event.display_text, *(each.text for each in event.further)
 
 
 _Table = dict[str, dict[int, tuple[str, int]]]
@@ -103,6 +138,7 @@ def _of_element(file: str, element: etree._Element, table: _Table) -> DraftClass
             (found.get("Id") or "").strip() if (found := each.find("Name")) is not None else "",
             _text(found).strip(),
             _text(each.find("DisplayName")),
+            tuple(_written(each)),
         )
         for each in element.iterfind("EventId")
     )
@@ -110,7 +146,7 @@ def _of_element(file: str, element: etree._Element, table: _Table) -> DraftClass
     own = _texts(element)
     texts = {
         key: {**table.get(key, {}), **own.get(key, {})}
-        for key in dict.fromkeys((display_text, *(each.display_text for each in events)))
+        for key in dict.fromkeys((display_text, *(text for each in events for text in _of_event(each))))
         if key in table or key in own
     }
     hides = tuple(found for each in element.iterfind("Hides/Hide") if (found := _guid(each)) != "")

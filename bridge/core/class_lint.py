@@ -31,7 +31,7 @@ RULES: Final = {
     "duplicate-id": "two events of a class have the same id",
     "duplicate-name": "two events of a class have the same name under different ids",
     "ambiguous-name": "several classes have the same name and none hides the others",
-    "missing-language": "a text is not translated into a language that its class has",
+    "missing-language": "a text is not translated into a language that its class has; causes, remedies and details count too",
     "placeholders-differ": "the placeholders of a text differ between languages",
     "unknown-format": "a placeholder has a format that is none of d, e, x, f",
     "text-too-long": "a text with plausible arguments is over the limit",
@@ -113,6 +113,16 @@ def _texts(found: DraftClass) -> Iterator[tuple[str, str, int]]:
             yield f"event {found.name}.{event.name}", event.display_text, event.line
 
 
+def _further(found: DraftClass) -> Iterator[tuple[str, str, int]]:
+    """Causes, remedies and details, each text once. They take no arguments and are no answer to a text request."""
+    seen = {text for _, text, _ in _texts(found)}
+    for event in found.events:
+        for each in event.further:
+            if each.text and each.text not in seen:
+                seen.add(each.text)
+                yield f"{each.what} of event {found.name}.{event.name}", each.text, each.line
+
+
 def _names(found: DraftClass) -> Iterator[Finding]:
     first: dict[str, DraftEvent] = {}
     for event in found.events:
@@ -125,7 +135,7 @@ def _names(found: DraftClass) -> Iterator[Finding]:
 def _languages(found: DraftClass, asked: Sequence[int]) -> Iterator[Finding]:
     has = Counter(lcid for row in found.texts.values() for lcid, (text, _) in row.items() if text)
     expected = tuple(asked) or tuple(sorted(has))
-    for what, text, line in _texts(found):
+    for what, text, line in (*_texts(found), *_further(found)):
         row = found.texts.get(text, {})
         for lcid in expected:
             if lcid == ENGLISH and not has[ENGLISH]:

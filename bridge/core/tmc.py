@@ -331,7 +331,8 @@ def _properties(element: etree._Element | None) -> Iterator[tuple[str, str]]:
             yield key, child.findtext("Value") or ""
 
 
-_OURS: Final = re.compile(r"(Cause|Remedy)\[([0-9]{1,10})\]|(Detail|DetailComment)\[(.*)\]", re.DOTALL)
+FURTHER: Final = re.compile(r"(Cause|Remedy)\[([0-9]{1,10})\]|(Detail|DetailComment)\[(.*)\]", re.DOTALL)
+"""The Names of properties of an event that are causes, remedies and details."""
 
 
 def _with_properties(entry: EventEntry, element: etree._Element) -> EventEntry:
@@ -339,7 +340,7 @@ def _with_properties(entry: EventEntry, element: etree._Element) -> EventEntry:
     details: list[Detail] = []
     others: dict[str, str] = {}
     for key, value in _properties(element):
-        match = _OURS.fullmatch(key)
+        match = FURTHER.fullmatch(key)
         if match is None:
             others[key] = value.strip()
         elif match[1] == "Cause":

@@ -104,13 +104,16 @@ def wait_for(process: "subprocess.Popen[str]", word: str, *, stderr: bool = Fals
 
 
 def test_a_class_from_toml_is_shown_by_listeners_without_files(folder: Folder) -> None:
-    """One program defines the class in TOML and sends; two listeners elsewhere print it in German and in English."""
+    """One program defines the class in TOML and sends; two listeners elsewhere print it in German and in English.
+
+    One of them filters by the name of the class, which only the bus knows.
+    """
     with ExitStack() as stack:
         program = stack.enter_context(folder.start("-c", PROGRAM, folder.group))
         guid = wait_for(program, "ready").split()[1]
         german, english = (
-            stack.enter_context(folder.start(*folder.command("listen", "--lang", language, *count)))
-            for language, count in (("de", ("--count", "2")), ("en", ("--count", "2", "--json")))
+            stack.enter_context(folder.start(*folder.command("listen", "--lang", language, "--count", "2", *more)))
+            for language, more in (("de", ()), ("en", ("--json", "--filter", "event_class = 'Pump'")))
         )
         for listener in (german, english):
             wait_for(listener, "listening", stderr=True)
@@ -145,6 +148,8 @@ def test_alarms_and_log_of_a_logger_with_classes(folder: Folder) -> None:
         assert json.loads(alarm)["text"] == "Pumpe 7 lief nach 2.500000 h trocken"
         table = folder.lines("alarms", "--target", "plc1", "--lang", "en")
         assert "Pump 7 ran dry after 2.500000 h" in table[1]
+        (alarm,) = folder.lines("alarms", "--target", "plc1", "--filter", "event_class = 'Pump'", "--json")
+        assert json.loads(alarm)["class_name"] == "Pumps"
         (entry,) = folder.lines("log", "--target", "plc1", "--lang", "de", "--json")
         assert json.loads(entry)["class_name"] == "Pumpen"
         serve.terminate()

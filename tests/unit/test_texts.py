@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from bridge.core import keys
-from bridge.core.arguments import Argument, EventReference
+from bridge.core.arguments import ZERO_GUID, Argument, EventReference
 from bridge.core.catalog import Catalog, EventClass, EventEntry, LanguageError
 from bridge.core.class_offer import ClassesPart, ClassesQuestion
 from bridge.core.events import MessageSent, Severity
@@ -194,6 +194,40 @@ def test_names_for_filters(bus: Bus) -> None:
     with ClassOffer(bus, "plc1", Catalog([AXIS, PUMP])), Texts(bus) as texts:
         assert texts.guids("Axis") == (AXIS_GUID,)
         assert texts.guids("Axes") == ()
+
+
+def test_the_class_behind_a_source_is_asked_for(bus: Bus) -> None:
+    """Its name is then there in the asked language. A source without a name, or with the GUID of zeros, asks nothing."""
+    pump = EventClass(PUMP_GUID, "PumpRoom", translations={"Pump": {1031: "Pumpe"}})
+    event = msgspec.structs.replace(message(), source_name="Pump", source_guid=PUMP_GUID)
+    with ClassOffer(bus, "plc1", Catalog([AXIS])), ClassOffer(bus, "plc2", Catalog([pump])), Texts(bus) as texts:
+        assert texts.catalog_for((event,)).source_name("Pump", PUMP_GUID, "de") == "Pumpe"
+        asked = texts.questions
+        for other in (
+            msgspec.structs.replace(event, source_name=None, source_guid=AXIS_GUID[:-1] + "0"),
+            msgspec.structs.replace(event, source_guid=ZERO_GUID),
+            msgspec.structs.replace(event, source_guid=None),
+        ):
+            texts.text(other)
+        assert texts.questions == asked
+
+
+def test_a_name_is_asked_for_until_everybody_was_found(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A filter that is resolved right after the bus was opened finds who turns up a moment later, but waits no longer."""
+    moments = iter((2.0, 1.0, 0.0))
+    offers: list[ClassOffer] = []
+
+    def undiscovered() -> float:
+        left = next(moments)
+        if left == 1.0:
+            offers.append(ClassOffer(bus, "plc1", Catalog([AXIS])))
+        return left
+
+    monkeypatch.setattr(bus, "undiscovered_s", undiscovered)
+    with Texts(bus) as texts:
+        assert texts.guids("Axis") == (AXIS_GUID,)
+        assert offers
+        assert not texts.guids("Nobody")
 
 
 def test_a_recorder_does_not_wait(bus: Bus) -> None:

@@ -215,3 +215,32 @@ def test_real_files_in_french() -> None:
     """Asked for French, every text of the test bench lacks it: 12 of the current versions, and 6 of the hidden one."""
     found = findings((FOLDER / "aag-test-bench.tsproj").read_text(), "aag", languages=(1036,))
     assert [each.rule for each in found] == ["missing-language"] * 18
+
+
+FURTHER = f"""<TcModuleClass><DataTypes><DataType><Name GUID="{OLD}">Pump</Name><EventId><Name Id="1">A</Name>
+<DisplayName>Dry</DisplayName><Severity>Info</Severity><Properties>
+<Property><Name>Cause[1]</Name><Value>Dirt in the inlet</Value></Property>
+<Property><Name>Remedy[1]</Name><Value>Clean the sieve</Value></Property>
+<Property><Name>Detail[Wiring]</Name><Value>Sheet 12</Value></Property>
+<Property><Name>DetailComment[Wiring]</Name><Value>nobody reads this</Value></Property>
+</Properties></EventId>
+<Translations><Text TxtId="Dry"><Text LcId="1031">Trocken</Text></Text>
+<Text TxtId="Clean the sieve"><Text LcId="1031">Sieb reinigen</Text></Text></Translations>
+</DataType></DataTypes></TcModuleClass>"""
+
+
+def test_causes_remedies_and_details_are_translated_too() -> None:
+    """Each that lacks a language its class has is found on its line, also in a file whose XML is broken further down."""
+    found = [(each.line, str(each).partition(": ")[2]) for each in findings(FURTHER)]
+    assert found == [
+        (3, "missing-language: cause 1 of event Pump.A: 'Dirt in the inlet' has no text in de-DE (1031)"),
+        (5, "missing-language: detail Wiring of event Pump.A: 'Sheet 12' has no text in de-DE (1031)"),
+    ]
+    cut = findings(FURTHER.replace("</TcModuleClass>", "<"))
+    assert [each.rule for each in cut] == ["missing-language", "missing-language", "unreadable"]
+
+
+def test_a_language_that_only_a_cause_has_is_one_of_the_class() -> None:
+    """Then the display text lacks it."""
+    only = FURTHER.replace('<Text TxtId="Dry"><Text LcId="1031">Trocken</Text></Text>', "")
+    assert findings(only)[0].message == "event Pump.A: 'Dry' has no text in de-DE (1031)"
