@@ -40,6 +40,7 @@ COMMANDS: Final = {
     "cut": "bridge.cli.cut:cut",
     "merge": "bridge.cli.cut:merge",
     "diff": "bridge.cli.diff:diff",
+    "export": "bridge.cli.export:export",
     "recover": "bridge.cli.recover:recover",
     "doctor": "bridge.cli.doctor:doctor",
     "convert": "bridge.cli.convert:convert",

@@ -16,7 +16,7 @@ from bridge.cli.selection import LOG, SELECTION, Selection
 from bridge.core import csv_export
 from bridge.core.catalog import ENGLISH, Language
 from bridge.core.csv_export import Column, CsvSettings
-from bridge.core.event_fields import NAMES, EventField
+from bridge.core.event_fields import NAMES, EventField, Names
 from bridge.core.events import AnyEvent
 from bridge.core.questions import Stored
 from bridge.core.time_forms import PRECISIONS, TimeForm, TimeStyle
@@ -134,21 +134,26 @@ def export(
     known = catalog(settings)
     question = which.question(settings, known, limit)
     shape = how.settings(settings.lang)
-    kind = how.format or ("jsonl" if file is not None and file.suffix.lower() in (".jsonl", ".ndjson") else "csv")
     with which.rows(settings, known, question) as (rows, asked):
         names = _Learnt(known)
-        learnt = rows if asked is None else names.learning(rows, asked)
-        if kind == "jsonl":
-            texts: Iterable[str] = csv_export.export_jsonl(learnt, names, settings.lang)
-        else:
-            texts = csv_export.export_csv(learnt, names, shape)
-        if file is None:
-            sys.stdout.reconfigure(encoding="utf-8", errors="replace", newline="")  # type: ignore[union-attr]
-            sys.stdout.writelines(texts)
-            return Exit.OK
-        part = file.with_name(f"{file.name}.part")
-        with part.open("w", encoding="utf-8", errors="replace", newline="") as out:
-            out.writelines(texts)
-        part.replace(file)
-    note(f"wrote {file}")
+        write(rows if asked is None else names.learning(rows, asked), names, how.format, shape, file)
     return Exit.OK
+
+
+def write(rows: Iterable[Stored], names: Names, form: Format | None, shape: CsvSettings, file: Path | None) -> None:
+    """Write the rows to a file, which appears when it is whole, or to stdout; in that form, else as the suffix says."""
+    if form is None:
+        form = "jsonl" if file is not None and file.suffix.lower() in (".jsonl", ".ndjson") else "csv"
+    if form == "jsonl":
+        texts: Iterable[str] = csv_export.export_jsonl(rows, names, shape.language)
+    else:
+        texts = csv_export.export_csv(rows, names, shape)
+    if file is None:
+        sys.stdout.reconfigure(encoding="utf-8", errors="replace", newline="")  # type: ignore[union-attr]
+        sys.stdout.writelines(texts)
+        return
+    part = file.with_name(f"{file.name}.part")
+    with part.open("w", encoding="utf-8", errors="replace", newline="") as out:
+        out.writelines(texts)
+    part.replace(file)
+    note(f"wrote {file}")

@@ -27,12 +27,27 @@ PART: Final = Group("Which part", sort_key=10)
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class Which:
-    """Which part of recordings."""
+class Window:
+    """Which time of recordings."""
 
     start: Annotated[str | None, Parameter(help="From here on: seconds from the start, or a time.", group=PART)] = None
     end: Annotated[str | None, Parameter(help="Up to here: seconds from the start, or a time.", group=PART)] = None
     duration: Annotated[float | None, Parameter(help="Only so many seconds of it.", group=PART)] = None
+
+    def times(self, paths: Sequence[Path]) -> tuple[int | None, int | None]:
+        """From when on and before when, in Unix ns; None is from the start, to the end. TimeError or Usage."""
+        from bridge.replayer import span_of
+
+        if self.start is None and self.end is None and self.duration is None:
+            return None, None
+        return times(span_of(paths), self.start, self.end, self.duration)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Which(Window):
+    """Which part of recordings."""
+
     filter: Annotated[str, Parameter(help="Which events, e.g. 'severity >= error'. Default: all.", group=PART)] = ""
     target: Annotated[tuple[str, ...], Parameter(help="Only of this target, repeated.", group=PART)] = ()
 
@@ -41,12 +56,8 @@ class Which:
         from bridge.core.filters.ast import Everything
         from bridge.edges.recording import Part
         from bridge.edges.recording.reader import SORTS
-        from bridge.replayer import span_of
 
-        start: int | None = None
-        end: int | None = None
-        if self.start is not None or self.end is not None or self.duration is not None:
-            start, end = times(span_of(paths), self.start, self.end, self.duration)
+        start, end = self.times(paths)
         expr = parse_filter(self.filter, known)
         return Part(
             start_ns=start or 0,
@@ -57,6 +68,7 @@ class Which:
         )
 
 
+WINDOW: Final = Window()
 WHICH: Final = Which()
 
 

@@ -26,7 +26,7 @@ _UNLIMITED: Final = 2**62
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class Selection:
+class Choice:
     """Which stored events, in which order."""
 
     filter: Annotated[str, Parameter(help="Which events, e.g. 'is_alarm and severity >= error'.", group=LOG)] = ""
@@ -39,8 +39,6 @@ class Selection:
     oldest_first: Annotated[bool, Parameter(help="The oldest, or the smallest, first.", group=LOG)] = False
     last: Annotated[bool, Parameter(help="--limit takes the last of them, not the first.", group=LOG)] = False
     offset: Annotated[int, Parameter(help="How many to leave out at that end.", group=LOG)] = 0
-    cache: Annotated[Path | None, Parameter(help="The cache file of a logger that is not running.", group=LOG)] = None
-    wait: Annotated[float, Parameter(help="Seconds to wait for the logger.", group=LOG, show_default=True)] = 3.0
 
     def question(self, settings: Settings, known: "Catalog", limit: int) -> LogQuestion:
         """What to ask the logger for. The errors of a bad filter are those of parse_filter()."""
@@ -65,6 +63,15 @@ class Selection:
             view=self.view,
             lang=settings.lang,
         )
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Selection(Choice):
+    """The same, and whose."""
+
+    cache: Annotated[Path | None, Parameter(help="The cache file of a logger that is not running.", group=LOG)] = None
+    wait: Annotated[float, Parameter(help="Seconds to wait for the logger.", group=LOG, show_default=True)] = 3.0
 
     @contextmanager
     def rows(
@@ -91,4 +98,5 @@ class Selection:
         return Book(None, Cache(self.cache, max_bytes=_UNLIMITED), resolve_class=known.guids, catalog=known)
 
 
+CHOICE: Final = Choice()
 SELECTION: Final = Selection()

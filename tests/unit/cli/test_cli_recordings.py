@@ -270,3 +270,39 @@ def test_the_doctor_says_what_is_wrong(plant: str, tmp_path: Path, capsys: pytes
     Path("part.mcap").write_bytes(Path("part.mcap").read_bytes()[:-9])
     assert run(["doctor", "part.mcap", "--json"]) == Exit.NO
     assert [each["fault"] for each in objects(capsys)].count(True) == 1
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        "",
+        "--view occurrences --oldest-first --lossless",
+        "--only alarms --sort source_name --limit 2",
+        "--format jsonl --filter severity>=error --lang de",
+        "--column time --column event_text=Text --column /axis=Axis --delimiter tab --no-header",
+    ],
+)
+def test_the_export_of_a_recording_is_that_of_the_logger_it_makes(
+    plant: str, capsys: pytest.CaptureFixture[str], options: str
+) -> None:
+    """The same as replaying it into a cache and exporting that, in every view, form and order."""
+    assert run(["replay", plant, "--into", "fresh.db"]) == Exit.LOST  # it has a gap
+    capsys.readouterr()
+    assert run(["log", "export", "--cache", "fresh.db", *options.split()]) == Exit.OK
+    wanted = capsys.readouterr().out
+    assert run(["export", plant, *options.split()]) == Exit.OK
+    found = capsys.readouterr()
+    assert found.out == wanted
+    assert len(found.out.splitlines()) >= 2
+    assert "7 events are missing in 1 gaps" in found.err
+
+
+def test_an_export_goes_into_a_file_that_is_whole(plant: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its suffix says the form; a part of the time can be chosen; a damaged recording is told."""
+    assert run(["export", plant, "--to", "all.jsonl", "--start", "3"]) == Exit.OK
+    assert [json.loads(line)["event_id"] for line in Path("all.jsonl").read_text().splitlines()] == [40, 25, 30, 23]
+    data = Path(plant).read_bytes()
+    Path(plant).write_bytes(data[: len(data) * 2 // 3])
+    assert run(["export", plant, "--to", "all.csv"]) == Exit.LOST
+    assert "ends before its end" in capsys.readouterr().err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["all.csv", "all.jsonl", "plant.mcap"]
