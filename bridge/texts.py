@@ -120,10 +120,9 @@ def _classes(event: Occurrence) -> Iterator[str]:
     which may know the source's name in other languages."""
     if (guid := class_offer.asked_guid(event.event_class)) is not None:
         yield guid
-    source = getattr(event, "source_guid", None)
-    if isinstance(source, str) and getattr(event, "source_name", None) is not None:
-        if (guid := class_offer.asked_guid(source)) is not None and guid != ZERO_GUID:
-            yield guid
+    source = getattr(event, "source_guid", None) if getattr(event, "source_name", None) is not None else None
+    if isinstance(source, str) and (guid := class_offer.asked_guid(source)) not in (None, ZERO_GUID):
+        yield guid
     for argument in event.arguments:
         if argument.type == ArgumentType.EVENT_REFERENCE:
             value = argument.python()
