@@ -14,7 +14,7 @@ from typing import Final, TypeAlias
 import msgspec
 
 from bridge.core.events import U32
-from bridge.tccom.general import IDataAreas, IObject, IObjectServer, ITask
+from bridge.tccom.general import IDataAreas, IObject, IObjectServer, ITask, IWatchSource
 from bridge.tccom.identity import ClassId, InterfaceId, ObjectId
 from bridge.tccom.interfaces import Interface, describe
 from bridge.tccom.states import State
@@ -42,6 +42,7 @@ _ROWS: Final[tuple[tuple[Interface[object], Access, tuple[str, ...]], ...]] = (
     (IObject, Access.STATE, ("set_state",)),
     (IDataAreas, Access.READ, ("read_symbol",)),
     (IDataAreas, Access.SET, ("write_symbol",)),
+    (IWatchSource, Access.READ, ("read_values",)),
     (IObjectServer, Access.READ, ("objects", "object_info", "classes", "class_info")),
     (IObjectServer, Access.STATE, ("create_instance", "delete_instance")),
     (ITask, Access.READ, ("task_info",)),
