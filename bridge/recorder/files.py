@@ -4,14 +4,18 @@ Rule 1: a file begins with a keyframe per target, the alarms as they were right 
 follows what is written and what is passed over, in the same order, so that no split loses or doubles anything.
 Rule 2: a file says in its metadata to which recording it belongs, its number, the file before and the file behind it.
 Rule 3: times in the files of a recording never go back, not even from one to the next.
-Rule 4: of a split the old file is finished and named before the new one is made.
+Rule 4: of a split the old file is finished on a thread of its own, while the next one is written already: the disk may take
+long, and a transition may not wait for it. An error of that thread is raised by the next look().
 """
 
+import contextlib
 import math
 import os
+import threading
 from collections.abc import Callable, Iterable
+from concurrent.futures import Future
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import msgspec
 
@@ -66,6 +70,17 @@ class Split(msgspec.Struct, frozen=True, kw_only=True):
             raise ValueError("a file is split by a size and a time that are not negative")
 
 
+class _Finishing(NamedTuple):
+    """A file that is being finished."""
+
+    writer: RecordingWriter
+    events: int
+    size_bytes: int
+    tails: tuple[str, ...]
+    following: str
+    done: "Future[Path]"
+
+
 class Files:
     """The files of one recording. Not for several threads."""
 
@@ -100,6 +115,7 @@ class Files:
             raise ValueError("to keep a number of bytes, split by a size of at most half of it")
         self._folder = None if single else RecordingFolder(path)
         self._writer: RecordingWriter | None = None
+        self._finishing: _Finishing | None = None
         self._silent: list[str] = []
         self._previous = ""
         self._due_ns = self._last_ns = 0
@@ -128,7 +144,7 @@ class Files:
             previous=self._previous,
             more=self._about.more | ({MORE_METADATA: why} if why else {}),
         )
-        self._make_room()
+        self._make_room(new_files=1)
         self._writer = RecordingWriter(
             path,
             about=about,
@@ -219,33 +235,63 @@ class Files:
             if full or (self._due_ns and at_ns >= self._due_ns):
                 self.split(at_ns)
 
-    def split(self, at_ns: int) -> None:
-        """Finish this file and go on in another one. ValueError for a single file."""
+    def split(self, at_ns: int) -> "Future[Path]":
+        """Finish this file and go on in another one; the future has the name of the old one when it is finished.
+
+        ValueError for a single file.
+        """
         if self._folder is None:
             raise ValueError(f"{self.path.name} is one file: to have several, name a folder")
         at_ns = max(at_ns, self._last_ns + 1)
         following = self._folder.new_name(at_ns, self.number + 1)
-        self._finish((), following.name)
+        done = self._finish((), following.name)
         self.number += 1
         self._open(following, at_ns)
+        return done
 
     def end(self, silent: Iterable[str] = ()) -> None:
         """Finish this file, if one is open. silent: the sessions whose end is not known."""
         if self._writer is not None:
             self._finish(silent, "")
+        self._collect()
 
-    def _finish(self, silent: Iterable[str], following: str) -> None:
-        writer = self._open_writer()
-        tails = tuple(dict.fromkeys((*self._silent, *silent)))
-        path = writer.finish(tails, following)
+    def _finish(self, silent: Iterable[str], following: str) -> "Future[Path]":
+        """Begin to finish this file; that before it has to be finished first."""
+        self._collect()
+        writer, tails = self._open_writer(), tuple(dict.fromkeys((*self._silent, *silent)))
+        done: Future[Path] = Future()
+
+        def finish() -> None:
+            try:
+                done.set_result(writer.finish(tails, following))
+            except BaseException as error:  # noqa: BLE001 - it is raised again by who collects it
+                writer.abandon()
+                done.set_exception(error)
+
+        self._finishing = _Finishing(writer, self._in_this, writer.size_bytes, tails, following, done)
         self._writer = None
         self._silent.clear()
+        self._previous = writer.path.name
+        threading.Thread(target=finish, name=f"finish {writer.path.name}", daemon=True).start()
+        return done
+
+    def _collect(self) -> None:
+        """Wait for the file that is being finished, if there is one. RecordingError when it could not be."""
+        finishing, self._finishing = self._finishing, None
+        if finishing is None:
+            return
+        path = finishing.done.result()
         self.finished += 1
-        self._previous = path.name
-        self.totals = joined(self.totals, msgspec.structs.replace(writer.totals, unknown_tails=tails))
+        totals = msgspec.structs.replace(finishing.writer.totals, unknown_tails=finishing.tails)
+        self.totals = joined(self.totals, totals)
         if self._folder is not None:
             self._folder.finished(path)
-        self._told(Finished(path, self._in_this, os.path.getsize(path), bool(following)))
+        self._told(Finished(path, finishing.events, os.path.getsize(path), bool(finishing.following)))
+
+    def look(self) -> None:
+        """Take note of a file that is finished by now. RecordingError when it could not be."""
+        if self._finishing is not None and self._finishing.done.done():
+            self._collect()
 
     def flush(self) -> None:
         """Hand what was written to the operating system, and see to it that the folder holds no more than it may."""
@@ -253,10 +299,13 @@ class Files:
             self._writer.flush()
             self._make_room()
 
-    def _make_room(self) -> None:
+    def _make_room(self, new_files: int = 0) -> None:
         if self._folder is None or self._keep == Keep():
             return
-        for path in self._folder.over(self._keep, 0 if self._writer is None else self._writer.size_bytes):
+        being_written = [0] * new_files if self._writer is None else [self._writer.size_bytes]
+        if self._finishing is not None:
+            being_written.append(self._finishing.size_bytes)
+        for path in self._folder.over(self._keep, being_written):
             try:
                 self._told(Deleted(path, self._folder.delete(path)))
             except RecordingError as error:
@@ -267,6 +316,8 @@ class Files:
         if self._writer is not None:
             self._writer.abandon()
             self._writer = None
+        with contextlib.suppress(OSError):  # what is wrong is known already
+            self._collect()
 
     def close(self) -> None:
         """Let another recorder have the folder."""

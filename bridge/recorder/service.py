@@ -185,9 +185,14 @@ class Recorder:
         """Go on, with a keyframe."""
         self._order(self._resume)
 
-    def split(self) -> None:
-        """Go on in another file. ValueError for a single file, or when none is open."""
-        self._order(self._split_now)
+    def split(self) -> Path:
+        """Go on in another file; returns the old one when it is finished.
+
+        ValueError for a single file, or when none is open.
+        """
+        finished: list[Future[Path]] = []
+        self._order(lambda: finished.append(self._split_now()))
+        return finished[0].result(ANSWER_S)
 
     def trigger(self, why: str = "asked for") -> None:
         """Capture what is around now. ValueError when it is no capture, or is paused."""
@@ -219,10 +224,10 @@ class Recorder:
             self._files.keyframe(self._arrivals.last_ns)
         self._paused = None
 
-    def _split_now(self) -> None:
+    def _split_now(self) -> "Future[Path]":
         if self._files.current is None:
             raise ValueError("no file is open")
-        self._files.split(self._arrivals.now_ns())
+        return self._files.split(self._arrivals.now_ns())
 
     def _trigger_now(self, why: str) -> None:
         if self._windows is None:
@@ -275,6 +280,7 @@ class Recorder:
                 self._tick(now_ns - SLACK_NS)
             now_s = time.monotonic()
             if now_s - flushed_s >= (TRANSITION_FLUSH_S if urgent else self._flush_s):
+                self._files.look()
                 if dirty:
                     self._files.flush()
                 self._status = self._stands()

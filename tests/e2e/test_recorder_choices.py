@@ -91,13 +91,13 @@ def test_a_recorder_is_stopped_and_split_by_name(bus_config: BusConfig, tmp_path
         first = started(recorder)
         with program("control", "night", "split", "--wait", "30", *group) as control:
             assert control.process.wait(60) == 0
+        assert started(recorder) != first
         assert told(recorder, "finished") == {
             "finished": str(first),
             "events": 0,
             "size_bytes": first.stat().st_size,
             "more": True,
         }
-        started(recorder)
         with program("record", str(tmp_path / "other"), "--name", "night", *group) as second:
             assert second.process.wait(60) == 1
         assert not (tmp_path / "other").exists()

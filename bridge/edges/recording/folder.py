@@ -9,6 +9,7 @@ Rule 3: only finished files that are called so are ever deleted, the oldest firs
 import contextlib
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
@@ -24,14 +25,14 @@ _NS_PER_MS: Final = NS_PER_S // 1000
 
 
 class Keep(msgspec.Struct, frozen=True, kw_only=True):
-    """What a folder may hold, the file being written included; 0 is no limit."""
+    """What a folder may hold, the file being written and the one before it included; 0 is no limit."""
 
     files: int = 0
     size_bytes: int = 0
 
     def __post_init__(self) -> None:
-        if self.files < 0 or self.size_bytes < 0:
-            raise ValueError("what is kept is not negative")
+        if self.files < 0 or self.files == 1 or self.size_bytes < 0:
+            raise ValueError("at least two files are kept, and a size is not negative")
 
 
 class RecordingFolder:
@@ -80,10 +81,10 @@ class RecordingFolder:
         """A file of the folder has its name now."""
         self._files[path] = path.stat().st_size
 
-    def over(self, keep: Keep, active_bytes: int) -> list[Path]:
-        """The oldest files that have to go, when one of active_bytes is being written too."""
+    def over(self, keep: Keep, being_written: Sequence[int]) -> list[Path]:
+        """The oldest files that have to go, when files of these sizes are being written too."""
         names = sorted(self._files)
-        count, size = len(names) + 1, sum(self._files.values()) + active_bytes
+        count, size = len(names) + len(being_written), sum(self._files.values()) + sum(being_written)
         go = []
         for path in names:
             if (not keep.files or count <= keep.files) and (not keep.size_bytes or size <= keep.size_bytes):

@@ -1,7 +1,8 @@
 """One file after the other: names, keyframes, neighbours, what is kept."""
 
 import os
-from collections.abc import Callable, Iterator
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -215,6 +216,48 @@ def test_what_is_wrong_on_keys_nobody_asked_for_is_not_in_the_file(tmp_path: Pat
     assert (info.totals.gaps, info.totals.rejected) == (1, 2)
 
 
+def test_a_disk_that_takes_long_to_finish_a_file_holds_nothing_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The next file is written meanwhile; the one after it waits."""
+    goes_on = threading.Event()
+    finish = RecordingWriter.finish
+
+    def slow(self: RecordingWriter, unknown_tails: Sequence[str] = (), next_file: str = "") -> Path:
+        assert goes_on.wait(60)
+        return finish(self, unknown_tails, next_file)
+
+    monkeypatch.setattr(RecordingWriter, "finish", slow)
+    with files(tmp_path) as made:
+        put(made, message(1), 1)
+        done = made.split(START + 2 * S)
+        put(made, message(2), 3)
+        made.flush()
+        assert recordings(tmp_path) == []
+        assert made.current is not None
+        assert numbers(made.current.with_name(f"{made.current.name}.active")) == [2]
+        goes_on.set()
+        assert done.result(60) == recordings(tmp_path)[0]
+    assert [numbers(path) for path in recordings(tmp_path)] == [[1], [2]]
+
+
+def test_what_goes_wrong_while_a_file_is_finished_is_raised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the next look(); the file stays as an active one."""
+
+    def full(self: RecordingWriter, unknown_tails: Sequence[str] = (), next_file: str = "") -> Path:
+        raise RecordingError(self.path, "No space left on device")
+
+    made = Files(tmp_path, Choice(None), about=About())
+    made.begin(START)
+    with monkeypatch.context() as patch:
+        patch.setattr(RecordingWriter, "finish", full)
+        with pytest.raises(RecordingError, match="No space left"):
+            made.split(START + 2 * S).result(60)
+        with pytest.raises(RecordingError, match="No space left"):
+            made.look()
+    made.abandon()
+    made.close()
+    assert len(list(tmp_path.glob("*.active"))) == len(list(tmp_path.iterdir())) == 2
+
+
 def test_neighbours_know_each_other(tmp_path: Path) -> None:
     """Each file says which recording it is of, its number, the file before and the one behind it."""
     with files(tmp_path, split=Split(seconds=1)) as made:
@@ -279,7 +322,7 @@ def test_a_number_of_files_is_kept(tmp_path: Path) -> None:
     gone = [news.path for news in told if isinstance(news, Deleted)]
     finished = [news.path for news in told if isinstance(news, Finished)]
     assert gone == finished[:7]
-    assert [type(news) for news in told[:2]] == [Began, Finished]
+    assert sum(isinstance(news, Began) for news in told) == len(finished) == 10
 
 
 def test_a_number_of_bytes_is_kept(tmp_path: Path) -> None:
@@ -302,11 +345,11 @@ def test_only_files_of_such_a_name_are_ever_deleted(tmp_path: Path) -> None:
     (tmp_path / "20251118T110640000Z-000002.mcap").mkdir()
     earlier = tmp_path / "20251118T110640000Z-000001.mcap"
     earlier.touch()
-    with files(tmp_path, split=Split(seconds=1), keep=Keep(files=1)) as made:
-        assert not earlier.exists()
+    with files(tmp_path, split=Split(seconds=1), keep=Keep(files=2)) as made:
         for second in range(3):
             put(made, message(second), second)
-    assert len(recordings(tmp_path)) == 4
+    assert not earlier.exists()
+    assert len(recordings(tmp_path)) == 5
     assert all((tmp_path / name).exists() for name in others)
 
 
@@ -317,9 +360,9 @@ def test_what_cannot_be_deleted_is_told_and_recording_goes_on(tmp_path: Path, mo
     def refuse(self: Path, missing_ok: bool = False) -> None:
         raise PermissionError(1, "Operation not permitted")
 
-    with files(tmp_path, split=Split(seconds=1), keep=Keep(files=1), told=told.append) as made, monkeypatch.context() as patch:
+    with files(tmp_path, split=Split(seconds=1), keep=Keep(files=2), told=told.append) as made, monkeypatch.context() as patch:
         patch.setattr(Path, "unlink", refuse)
-        for second in range(3):
+        for second in range(4):
             put(made, message(second), second)
     refused = [news for news in told if isinstance(news, NotDeleted)]
     assert [news.path for news in refused] == recordings(tmp_path)[:2]
@@ -344,7 +387,7 @@ def test_a_file_is_no_folder(tmp_path: Path) -> None:
 
 def test_choices_that_do_not_go_together_are_refused(tmp_path: Path) -> None:
     """One file is not split, and a number of bytes is kept only of files that are small enough."""
-    for split, keep in ((Split(seconds=1), None), (None, Keep(files=1))):
+    for split, keep in ((Split(seconds=1), None), (None, Keep(files=2))):
         with pytest.raises(ValueError, match="name a folder"):
             Files(tmp_path / "one.mcap", Choice(None), about=About(), split=split, keep=keep)
     for split in (None, Split(seconds=1), Split(size_bytes=51)):
@@ -352,8 +395,9 @@ def test_choices_that_do_not_go_together_are_refused(tmp_path: Path) -> None:
             Files(tmp_path, Choice(None), about=About(), split=split, keep=Keep(size_bytes=100))
     with pytest.raises(ValueError, match="not negative"):
         Split(seconds=-1)
-    with pytest.raises(ValueError, match="not negative"):
-        Keep(files=-1)
+    for count in (-1, 1):
+        with pytest.raises(ValueError, match="at least two files"):
+            Keep(files=count)
 
 
 def test_a_file_that_is_deleted_while_it_is_written_stops_the_recording(tmp_path: Path) -> None:

@@ -96,7 +96,10 @@ def test_a_recorder_is_told_to_split_over_the_bus(bus: Bus, tmp_path: Path) -> N
         send(publisher, recorder, 1, 2)
         assert eventually(lambda: recorder.status.events == 2)
         status = told(bus, recorder, control.Split())
-        assert (status["state"], status["files"], status["events"]) == ("recording", 1, 2)
+        assert (status["state"], status["events"]) == ("recording", 2)
+        (finished,) = recordings(tmp_path)
+        assert status["file"] not in ("", str(finished))
+        assert eventually(lambda: recorder.status.files == 1)
         send(publisher, recorder, 3)
     assert [numbers(path) for path in recordings(tmp_path)] == [[1, 2], [3]]
     assert recorder.status.state == "stopped"
