@@ -90,10 +90,13 @@ class Plant(msgspec.Struct, frozen=True):
                 return each
         return None
 
-    def problem(self, instance: Instance | None, message: str, *keys: str) -> Problem:
+    def problem(self, instance: Instance | None, message: str, *keys: Key) -> Problem:
         """A fault of an instance, or of the settings when it is None, found later: with file and line, down to a key."""
-        start: toml_text.Path = ("settings",) if instance is None else ("modules", self.instances.index(instance))
-        return Problem(self.file, self.lines.of((*start, *keys)), message)
+        path: toml_text.Path = ("settings",) if instance is None else ("modules", self.instances.index(instance))
+        for key in keys:
+            spelled = (one for one in self.lines.below(path) if key in (one, _number(one)))
+            path = (*path, next(spelled, str(key)))
+        return Problem(self.file, self.lines.of(path), message)
 
     def start_order(self) -> tuple[Instance, ...]:
         """Whoever is depended on comes first, else as in the file. Among modules that point at each other, the file's order."""

@@ -9,7 +9,7 @@ Rule 3: lines are as good as a look at the text allows: what is written inline s
 import difflib
 import re
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Final, TypeAlias
 
 import msgspec
@@ -68,6 +68,10 @@ class Lines:
         while path and path not in self._places:
             path = path[:-1]
         return self._places.get(path, 1)
+
+    def below(self, path: Path) -> Iterator[str]:
+        """The keys of a table as they are spelled, as far as they stand in lines of their own."""
+        return (str(place[-1]) for place in self._places if len(place) == len(path) + 1 and place[:-1] == path)
 
 
 def read(data: bytes, name: str, what: str) -> tuple[dict[str, object], Lines]:

@@ -92,6 +92,8 @@ def test_a_fault_that_is_found_later_has_its_line() -> None:
     first = plant.instances[0]
     assert str(plant.problem(first, "gain: too much", "parameters", "gain")) == "plant.toml:14: gain: too much"
     assert plant.problem(first, "no such class", "class").line == 7
+    assert plant.problem(first, "", "parameters", 0x03002103).line == 16
+    assert plant.problem(first, "", "pointers", 0x20).line == 20
     assert plant.problem(first, "", "pointers", "missing").line == 18
     assert plant.problem(plant.instances[1], "").line == 23
     assert plant.problem(None, "no such setting", "target").line == 3
