@@ -74,6 +74,7 @@ def test_a_sample_runs_by_one_command(sample: str) -> None:
     assert lines == SHOWN[sample]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sample", SHOWN)
 @pytest.mark.parametrize("first", ["provider", "caller"])
 def test_either_half_may_start_first(sample: str, first: str) -> None:
