@@ -35,7 +35,7 @@ def test_a_late_transition_of_the_logger_before_is_handed_over_and_changes_no_st
         with EventLogger(TARGET, bus=bus) as before:
             assert listener.wait_for_beat(before.session)
         with EventLogger(TARGET, bus=bus) as logger:
-            eventually(lambda: [state.session for state in listener.snapshot()] == [logger.session])
+            assert eventually(lambda: [state.session for state in listener.snapshot()] == [logger.session])
             put(bus, RAISED, before.session, 1)
             (event,) = listener.take(1)
             assert isinstance(event, AlarmRaised)
