@@ -5,9 +5,9 @@ Rule 2: objects, parameters, contexts and categories have 32-bit numbers; their 
 Rule 3: an id is given once and never changes. 0 is no object.
 
 Sources: the GVL of the Tc3_Module manual (5.1) for the free ids; its chapter 8.2 for the ids of ITComObject and ITcUnknown;
-real `.tmc` files for those of ITcCyclic, ITcCyclicCaller, ITcADI, ITcWatchSource and of the parameter CyclicCaller; the
-EventLogger manual 9.2.1 for an id of a task (02010020). The manual says that system modules have fixed ids and prints none:
-those of ours lie right below the free ids.
+real `.tmc` files for those of ITcCyclic, ITcCyclicCaller, ITcADI, ITcWatchSource and of the parameter CyclicCaller;
+TwinCAT's headers for ITComObjectServer and ITcTask; the EventLogger manual 9.2.1 for an id of a task (02010020). The manual
+says that system modules have fixed ids and prints none: those of ours lie right below the free ids.
 """
 
 import re

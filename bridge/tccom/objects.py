@@ -113,6 +113,10 @@ class LiveObject:
         """The object server."""
         return self._keeper
 
+    def patience_s(self) -> float:
+        """How long to wait for somebody else."""
+        return self._keeper.patience_s()
+
     def info(self) -> ObjectInfo:
         """What everybody may know; waits for nobody's turn."""
         kind = type(self.module)
@@ -157,7 +161,7 @@ class LiveObject:
     @contextmanager
     def turn(self) -> Iterator[None]:
         """Have the object alone; AdsError (ADS_E_TIMEOUT) when others do not let go in time."""
-        patience_s = self._keeper.patience_s()
+        patience_s = self.patience_s()
         if not self._turn.acquire(timeout=patience_s):
             raise AdsError(ADS_E_TIMEOUT, f"{self} was busy for {patience_s:.1f} s")
         try:

@@ -60,8 +60,9 @@ log: Final = logging.getLogger(__name__)
 
 PATIENCE_S: Final = 5.0
 """How long a call waits for an object that is busy."""
+LEAST_S: Final = 0.05
 CLOSE_S: Final = 1.0
-"""How long close() waits for busy objects, all together; those that are still busy then are left as they are."""
+"""How long close() waits for busy objects, all together, but LEAST_S for each; who is still busy then is left as it is."""
 
 
 class Remote(Protocol):
@@ -340,7 +341,7 @@ class ObjectServer:
 
     def patience_s(self) -> float:
         """How long to wait for somebody's turn; less while closing."""
-        return max(0.01, self._closing_until - time.monotonic()) if self._closed else self._patience_s
+        return max(LEAST_S, self._closing_until - time.monotonic()) if self._closed else self._patience_s
 
     def tell(self, report: Report) -> None:
         """Pass a report on; a listener that fails is logged."""

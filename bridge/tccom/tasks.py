@@ -31,7 +31,7 @@ SHORTEST_NS: Final = 100_000
 LONGEST_NS: Final = 3_600_000_000_000
 """A cycle takes 100 us to 1 h."""
 JOIN_S: Final = 1.5
-"""How long OS waits for a cycle that is running."""
+"""How long at most OS waits for a cycle that is running."""
 
 
 class CyclicModule(Module, ICyclic):
@@ -95,14 +95,16 @@ class Task(Module, ICyclicCaller, ITask):
         """End the thread. Who is registered stays so, and is called again in the next OP."""
         self._stop.set()
         if self._thread is not None and self._thread is not threading.current_thread():
-            self._thread.join(JOIN_S)
+            patience_s = min(JOIN_S, self.place.patience_s())
+            self._thread.join(patience_s)
             if self._thread.is_alive():
                 self._stop.clear()
-                raise AdsError(ADS_E_TIMEOUT, f"a cycle has been running for {JOIN_S} s and does not end")
+                raise AdsError(ADS_E_TIMEOUT, f"a cycle did not end within {patience_s:.1f} s")
         self._thread = None
 
     def on_pi(self) -> None:
-        """Let go of whoever has not left."""
+        """Let go of whoever has not left, and of a thread that OS could not wait for: it ends with its cycle."""
+        self._stop.set()
         with self._lock:
             members, self._members = list(self._members.values()), {}
         for member in members:

@@ -220,3 +220,28 @@ def test_overruns_are_counted_and_told_once_in_a_row() -> None:
     assert info.cycles + info.overruns == now[0] // 1_000_000 + 1
     assert info.longest_ns == 2_500_000
     assert [report.kind for report in reports].count(ReportKind.LATE) == 1
+
+
+def test_tasks_that_hang_do_not_hold_up_closing() -> None:
+    """Three cycles that do not end: their modules are told within 2 s, and the threads end when the cycles do."""
+    go_on = threading.Event()
+    stuck = threading.Barrier(4, timeout=PATIENCE_S)
+
+    def hang(_: Counter) -> None:
+        stuck.wait()
+        assert go_on.wait(PATIENCE_S)
+
+    before = set(threading.enumerate())
+    server = ObjectServer()
+    for _ in range(3):
+        task_id = server.add(Task(), parameters={"cycle_ns": 1_000_000}, state=State.OP)
+        server.add(Counter(hang), parameters={"cyclic_caller": task_id}, state=State.OP)
+    stuck.wait()
+    begun_s = time.monotonic()
+    assert server.close() == 3
+    assert time.monotonic() - begun_s < 4
+    go_on.set()
+    for thread in set(threading.enumerate()) - before:
+        thread.join(PATIENCE_S)
+    assert set(threading.enumerate()) <= before
+    assert server.close() == 0
