@@ -118,6 +118,13 @@ class Said(NamedTuple):
     data: bytes
 
 
+class _Life(NamedTuple):
+    """The last transition of an alarm, or what a keyframe has of it; whether its span was told."""
+
+    last: AlarmEvent | Alarm
+    told: bool
+
+
 class Viewer:
     """Makes the messages for viewers, in the order of the recording, over several files if there are."""
 
@@ -127,21 +134,15 @@ class Viewer:
         self.metadata: Final = {"language": language_tag(self._language)}
         """The metadata of the channels for viewers."""
         self._own = Catalog() if own is None else own
-        self._open: dict[AlarmKey, AlarmEvent | Alarm] = {}
-        self._told: dict[AlarmKey, int] = {}
+        self._lives: dict[AlarmKey, _Life] = {}
 
     def begin(self) -> None:
         """Begin a file. What was open before it comes again with its keyframe."""
-        self._open.clear()
-        self._told.clear()
+        self._lives.clear()
 
     def state(self, alarms: Iterable[Alarm]) -> None:
         """Take a keyframe: lives that began before it are told when they end, finished ones no more."""
-        for alarm in alarms:
-            if alarm.is_active:
-                self._open[alarm.key] = alarm
-            elif alarm.time_raised_ns:
-                self._told[alarm.key] = alarm.time_raised_ns
+        self._lives.update((alarm.key, _Life(alarm, not alarm.is_active)) for alarm in alarms)
 
     def definition(self, found: EventClass) -> Attachment | None:
         """The class as an attachment; None when it need not be attached, or cannot be written."""
@@ -196,18 +197,21 @@ class Viewer:
     def _ended(self, event: AlarmEvent) -> Iterator[tuple[AlarmEvent | Alarm, int]]:
         """The lives that are over with this event, each as its last transition and its end."""
         key = alarm_key(event)
-        before = self._open.get(key)
-        if before is not None and isinstance(event, AlarmRaised) and before.time_raised_ns != event.time_raised_ns:
-            yield before, before.time_cleared_ns or event.time_ns
-        if is_active(event):
-            self._open[key] = event
-            return
-        self._open.pop(key, None)
-        if event.time_raised_ns and self._told.get(key) != event.time_raised_ns:
-            self._told[key] = event.time_raised_ns
+        life = self._lives.get(key)
+        if life is not None and event.seq and event.session == life.last.session and event.seq <= life.last.seq:
+            return  # it was in the keyframe already
+        told = life is not None and life.told
+        if life is not None and (isinstance(event, AlarmRaised) or event.time_raised_ns != life.last.time_raised_ns):
+            if not told:
+                yield life.last, life.last.time_cleared_ns or event.time_raised_ns
+            told = False
+        if not told and event.time_raised_ns and not is_active(event):
+            told = True
             yield event, event.time_cleared_ns or event.time_ns
         if isinstance(event, AlarmDisposed):
-            self._told.pop(key, None)
+            self._lives.pop(key, None)
+        else:
+            self._lives[key] = _Life(event, told)
 
     def _span(self, ended: AlarmEvent | Alarm, catalog: Catalog, end_ns: int) -> Span:
         start_ns = ended.time_raised_ns

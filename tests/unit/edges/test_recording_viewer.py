@@ -172,6 +172,28 @@ def test_each_raise_begins_a_life() -> None:
     assert lasted(spans(history)) == [(0, 4), (10, 15)]
 
 
+def test_lives_of_one_cycle_are_told_apart() -> None:
+    """A PLC raises, clears and raises again at one and the same time: two lives."""
+    one = [jam(AlarmRaised, 3, raised=3), jam(AlarmCleared, 3, raised=3, cleared=3)]
+    assert lasted(spans([*one, *one])) == [(3, 3), (3, 3)]
+
+
+def test_a_raise_that_was_lost_hides_no_life() -> None:
+    """The clear says when it was raised."""
+    history = [jam(AlarmRaised, 0), jam(AlarmCleared, 4, cleared=4), jam(AlarmCleared, 9, raised=7, cleared=9)]
+    assert lasted(spans(history)) == [(0, 4), (7, 9)]
+
+
+def test_what_a_keyframe_has_is_not_taken_twice() -> None:
+    """A transition that was folded into the keyframe and comes after it."""
+    known = Alarm(
+        target="plc1", event_class=AXIS, event_id=7, severity=Severity.ERROR, source_name="Line1.X", raised=True,
+        time_raised_ns=START + 5 * S, session="s1", seq=9,
+    )  # fmt: skip
+    late = msgspec.structs.replace(jam(AlarmCleared, 4, cleared=4), session="s1", seq=8)
+    assert spans([late], [known]) == []
+
+
 def test_lives_that_began_before_the_recording_come_from_the_keyframe() -> None:
     """An alarm of the keyframe that is active is told when it ends; one that had ended is not told again."""
     active = Alarm(
