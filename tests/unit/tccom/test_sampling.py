@@ -5,7 +5,7 @@ from queue import Queue
 
 import pytest
 
-from bridge.core.hresult import ADS_E_NOTFOUND, ADS_E_SYMBOLNOTFOUND, E_POINTER, AdsError
+from bridge.core.hresult import ADS_E_NOTFOUND, ADS_E_SYMBOLNOTFOUND, E_NOTIMPL, E_POINTER, AdsError
 from bridge.tccom.general import IWatchSource, ParameterKey
 from bridge.tccom.identity import ITC_WATCH_SOURCE
 from bridge.tccom.interfaces import Answer
@@ -73,9 +73,9 @@ def test_an_object_that_is_gone_for_a_while_is_told_once() -> None:
     told: Queue[object] = Queue()
     source = _Flaky()
     sampler = Sampler(source, ["x"], lambda _, value: told.put(value), failed=lambda error: told.put(error.code), every_s=0.001)
-    for answer in (1, AdsError(ADS_E_NOTFOUND), AdsError(E_POINTER), 1, AdsError(E_POINTER), 2):
+    for answer in (AdsError(E_NOTIMPL), 1, AdsError(ADS_E_NOTFOUND), AdsError(E_POINTER), 1, AdsError(E_POINTER), 2):
         source.answers.put(answer)
-    assert [told.get(timeout=PATIENCE_S) for _ in range(4)] == [1, ADS_E_NOTFOUND, E_POINTER, 2]
+    assert [told.get(timeout=PATIENCE_S) for _ in range(5)] == [E_NOTIMPL, 1, ADS_E_NOTFOUND, E_POINTER, 2]
     source.answers.put(AdsError(E_POINTER))
     sampler.close()
     sampler.close()
