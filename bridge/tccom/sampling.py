@@ -18,6 +18,7 @@ from typing import Final, Self
 from bridge.core.hresult import AdsError
 from bridge.tccom.declarations import UNSET
 from bridge.tccom.general import IWatchSource, ParameterKey
+from bridge.tccom.values import same
 
 log: Final = logging.getLogger(__name__)
 
@@ -69,7 +70,7 @@ class Sampler:
         self._failing = False
         last, self._last = self._last, now
         for key, before, value in zip(self._keys, last, now, strict=True):
-            if value != before and not self._stop.is_set():
+            if not same(before, value) and not self._stop.is_set():
                 self._told(key, value)
 
     def __enter__(self) -> Self:

@@ -91,6 +91,13 @@ def reading(module: Module, key: ParameterKey) -> Callable[[], object]:
     return lambda: get_parameter(module, key)
 
 
+def same(before: object, now: object) -> bool:
+    """Whether a value is still what it was; what is not a number is still not a number. UNSET is no value."""
+    if before is UNSET or before == now:
+        return before is not UNSET
+    return msgspec.msgpack.encode(before) == msgspec.msgpack.encode(now)
+
+
 class Watch:
     """Tells changes of a value. A context manager; left, it tells nothing more."""
 
@@ -107,7 +114,7 @@ class Watch:
                 return
             try:
                 value = self._read()
-                if value != self._last:
+                if not same(self._last, value):
                     self._last = value
                     self._tell(value)
             except Exception:

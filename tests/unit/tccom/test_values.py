@@ -1,5 +1,7 @@
 """Parameters, pointers, data areas and watches, from inside and from outside."""
 
+import math
+
 import msgspec
 import pytest
 
@@ -15,13 +17,14 @@ from bridge.core.hresult import (
     ADS_E_SYMBOLNOTFOUND,
     AdsError,
 )
-from bridge.tccom.declarations import DataArea, InterfacePointer, Parameter, Resolved, Settable, checked_address
+from bridge.tccom.declarations import UNSET, DataArea, InterfacePointer, Parameter, Resolved, Settable, checked_address
 from bridge.tccom.describing import class_info
 from bridge.tccom.general import IDataAreas, IObject
 from bridge.tccom.identity import IdError
 from bridge.tccom.module import Module
 from bridge.tccom.server import ObjectServer
 from bridge.tccom.states import State
+from bridge.tccom.values import same
 from tests.unit.tccom.tccom_stories import Calculation, ICalculation, Inputs, Outputs
 
 
@@ -185,6 +188,23 @@ def test_a_watch_tells_what_is_and_each_change() -> None:
             with pytest.raises(AdsError) as failure:
                 server.watch(reference.object_id, key, told.append)
             assert failure.value.code == code
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "unchanged"),
+    [
+        (math.nan, float("nan"), True),
+        ({"a": [math.nan]}, {"a": [-math.nan + math.nan]}, True),
+        (math.nan, 0.0, False),
+        (1, 1, True),
+        ([1], [2], False),
+        (UNSET, 1, False),
+        (UNSET, None, False),
+    ],
+)
+def test_what_is_not_a_number_does_not_change_all_the_time(before: object, now: object, unchanged: bool) -> None:
+    """A sensor that gives NaN is told once, not with every call."""
+    assert same(before, now) is unchanged
 
 
 def test_a_watch_that_breaks_disturbs_nobody(caplog: pytest.LogCaptureFixture) -> None:
