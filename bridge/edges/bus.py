@@ -192,12 +192,17 @@ class Receiver:
         self._channel = subscriber.handler
 
     def receive(self, limit: int = 1024) -> list[Arrival]:
-        """Wait for a sample, then take what is there too, at most `limit`; an empty list when the receiver is closed."""
-        try:
-            samples = [self._channel.recv()]
-        except zenoh.ZError:
-            return []
-        return self._drain(samples, limit)
+        """Wait for a sample, then take what is there too, at most `limit`; an empty list when the receiver is closed.
+
+        Deletions are passed over: nothing of ours makes any, and who does makes nobody stop listening by it.
+        """
+        while True:
+            try:
+                samples = [self._channel.recv()]
+            except zenoh.ZError:
+                return []
+            if arrivals := self._drain(samples, limit):
+                return arrivals
 
     def receive_now(self, limit: int = 1024) -> list[Arrival]:
         """What is there, without waiting."""

@@ -1,15 +1,31 @@
 """The bus: what is open by default, what every question gets, and what closing does."""
 
+import re
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
-from bridge.edges.bus import ALONE, BusConfig, BusError, Question, Refusal, Reply, open_bus
+from bridge.edges.bus import ALONE, Arrival, BusConfig, BusError, Question, Refusal, Reply, open_bus
+
+
+def listening() -> set[str]:
+    """The addresses at which this process listens, as the kernel writes them (IPv4: four bytes in its own order)."""
+    inodes = {match[1] for each in Path("/proc/self/fd").iterdir() if (match := re.search(r"socket:\[(\d+)\]", _target(each)))}
+    rows = [line.split() for name in ("tcp", "tcp6") for line in Path(f"/proc/net/{name}").read_text().splitlines()[1:]]
+    return {row[1].partition(":")[0] for row in rows if row[3] == "0A" and row[9] in inodes}
+
+
+def _target(link: Path) -> str:
+    try:
+        return str(link.readlink())
+    except FileNotFoundError:  # it was open for reading this very list
+        return ""
 
 
 def test_by_default_only_this_machine_is_reached(bus_config: BusConfig) -> None:
-    """Two programs find each other over loopback, and every link is between loopback addresses."""
+    """Two programs find each other over loopback; every link is between loopback addresses, and nothing else is listened to."""
     with open_bus(bus_config) as one, open_bus(bus_config) as other:
         receiver = other.receiver("t/**")
         sender = one.sender("t/x", "application/json")
@@ -19,6 +35,7 @@ def test_by_default_only_this_machine_is_reached(bus_config: BusConfig) -> None:
         sender.put(b"1")
         assert [arrival.payload for arrival in receiver.receive()] == [b"1"]
         assert all("/127.0.0.1:" in endpoint for endpoint in one.endpoints() + other.endpoints())
+        assert listening() == {"0100007F"}
 
 
 def test_every_question_gets_an_answer_or_a_refusal() -> None:
@@ -135,3 +152,16 @@ def test_who_leaves_is_told_from_who_dies() -> None:
         assert news == [("here/1", True), ("left/1", True), ("here/1", False), ("left/1", False)]
         bus.alive("here/1", "left/1")
     assert news[4:7] == [("here/1", True), ("left/1", True), ("here/1", False)]
+
+
+def test_a_deletion_is_no_end() -> None:
+    """Zenoh's other kind of sample, from a stranger: who waits goes on waiting, and gets what comes next."""
+    with open_bus(ALONE) as bus:
+        receiver = bus.receiver("t/**")
+        got: list[list[Arrival]] = []
+        waiting = threading.Thread(target=lambda: got.append(receiver.receive()))
+        waiting.start()
+        bus._session.delete("t/1")
+        bus.put("t/1", b"later")
+        waiting.join(20)
+        assert [[arrival.payload for arrival in arrivals] for arrivals in got] == [[b"later"]]
