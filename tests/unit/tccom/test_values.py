@@ -1,6 +1,8 @@
 """Parameters, pointers, data areas and watches, from inside and from outside."""
 
+import gc
 import math
+import weakref
 
 import msgspec
 import pytest
@@ -205,6 +207,17 @@ def test_a_watch_tells_what_is_and_each_change() -> None:
 def test_what_is_not_a_number_does_not_change_all_the_time(before: object, now: object, unchanged: bool) -> None:
     """A sensor that gives NaN is told once, not with every call."""
     assert same(before, now) is unchanged
+
+
+def test_an_object_forgets_watches_that_have_ended() -> None:
+    """A thousand people who look once leave nothing behind."""
+    with ObjectServer() as server:
+        reference = server.create(Calculation, ICalculation)
+        with server.watch(reference.object_id, "offset", lambda _: None) as watch:
+            ended = weakref.ref(watch)
+        del watch
+        gc.collect()
+        assert ended() is None
 
 
 def test_a_watch_that_breaks_disturbs_nobody(caplog: pytest.LogCaptureFixture) -> None:
