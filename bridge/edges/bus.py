@@ -10,6 +10,7 @@ Rule 5: an empty answer means "unknown": nobody there, denied and crashed look a
 
 import contextlib
 import logging
+import random
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -66,6 +67,17 @@ _TIMING: Final = {
 }
 
 
+LATER_DIALS: Final = {"peer": {"to_router": "always", "to_peer": "greater-zid"}}
+"""Of two peers only one dials. When both do and one was stopped, Zenoh can take the new link into a dead transport for good:
+nothing comes through it any more and nobody is told (eclipse-zenoh/zenoh#2806)."""
+
+
+def _later_id() -> str:
+    """An id greater than those given before, in Zenoh's order, where the last byte weighs most: who comes later asks around at
+    once, so it is the one to dial."""
+    return f"{random.getrandbits(64) | 1 << 63:016x}{time.time_ns().to_bytes(8, 'little').hex()}"
+
+
 def _reason(error: zenoh.ZError) -> str:
     """What Zenoh says, without the place in its own source."""
     return str(error).partition(" at /")[0]
@@ -87,6 +99,9 @@ def _settings(config: BusConfig) -> dict[str, object]:
         "scouting/multicast/enabled": config.scouting,
         "scouting/multicast/address": config.scouting_group,
         "scouting/gossip/enabled": True,
+        "scouting/multicast/autoconnect_strategy": LATER_DIALS,
+        "scouting/gossip/autoconnect_strategy": LATER_DIALS,
+        "id": _later_id(),
         "transport/link/tx/queue/size/data": TX_BATCHES,
     }
     if not config.lan:

@@ -1,5 +1,6 @@
 """The bus: what is open by default, what every question gets, and what closing does."""
 
+import contextlib
 import re
 import threading
 from collections.abc import Iterator
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from bridge.edges.bus import ALONE, Arrival, BusConfig, BusError, Question, Refusal, Reply, open_bus
+from tests.e2e.fault_stories import eventually
 
 
 def listening() -> set[str]:
@@ -36,6 +38,17 @@ def test_by_default_only_this_machine_is_reached(bus_config: BusConfig) -> None:
         assert [arrival.payload for arrival in receiver.receive()] == [b"1"]
         assert all("/127.0.0.1:" in endpoint for endpoint in one.endpoints() + other.endpoints())
         assert listening() == {"0100007F"}
+
+
+def test_of_two_programs_only_the_later_one_dials(bus_config: BusConfig) -> None:
+    """One link for each pair, and all of the first program's lead to the address it listens on: a second link would let Zenoh
+    take a program that was stopped for connected when it is not."""
+    with contextlib.ExitStack() as stack:
+        buses = [stack.enter_context(open_bus(bus_config)) for _ in range(5)]
+        assert eventually(lambda: all(bus.peers() == len(buses) - 1 for bus in buses))
+        assert len(buses[0].endpoints()) == 1
+        assert len(buses[-1].endpoints()) == len(buses) - 1
+        assert all(len(list(bus._session.info.links())) == len(buses) - 1 for bus in buses)
 
 
 def test_every_question_gets_an_answer_or_a_refusal() -> None:
