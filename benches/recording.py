@@ -3,9 +3,9 @@
     python benches/recording.py [--events 1000000] [--keep FOLDER]
 
 One process per step, started from a small one, so that a peak of memory is that of the step. The events are of 100 classes
-whose share of the recording differs by a factor of 100, a tenth of them alarm transitions, flushed each 100 events, as a
-recorder at 20,000 events/s does. "plain" writes the same bytes with the library's writer in its default settings, and reads with its reader and one
-decoder of our struct: no checks of events, times, order or checksums of the file, no counts.
+whose share of the recording differs by a factor of 50, a tenth of them alarm transitions, flushed each 100 events, as a
+recorder at 20,000 events/s does. "plain" writes the same bytes with the library's writer in its default settings, and reads
+with its reader and one decoder of our structs: no checks of events, times, order or checksums of the file, no counts.
 
     write                  RecordingWriter.add() of bytes that exist        plain: Writer.add_message()
     info                   summary()
