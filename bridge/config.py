@@ -31,6 +31,7 @@ EncodingName: TypeAlias = Literal["json", "msgpack"]
 SystemErrors: TypeAlias = Literal["none", "own", "host"]
 SyslogTypes: TypeAlias = Literal["none", "messages", "alarms", "both"]
 SeverityName: TypeAlias = Literal["verbose", "info", "warning", "error", "critical"]
+ModulesAccess: TypeAlias = Literal["none", "read", "call", "all"]
 _ENCODINGS: Final[dict[EncodingName, codec.Encoding]] = {"json": codec.JSON, "msgpack": codec.MSGPACK}
 
 
@@ -57,6 +58,7 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     syslog_types: SyslogTypes = "none"
     syslog_severity: SeverityName = "verbose"
     syslog_address: str = "/dev/log"
+    modules_access: ModulesAccess = "all"
 
     @property
     def one_target(self) -> str:
@@ -90,6 +92,7 @@ HELP: Final = {
     "syslog_types": "What goes into the system's log: none, messages, alarms or both.",
     "syslog_severity": "The lowest severity that goes into the system's log.",
     "syslog_address": "Where the system's log is: a path, or HOST:PORT (UDP).",
+    "modules_access": "What others may do with a plant's modules: none, read, call (and set values), all (and change states).",
 }
 """One line per setting, for the help, the documentation and the tests."""
 
@@ -117,21 +120,30 @@ class Loaded(msgspec.Struct, frozen=True):
         return [(name, _shown(getattr(self.settings, name)), self.origins[name]) for name in HELP]
 
 
-def load(options: Mapping[str, object], environ: Mapping[str, str], file: str | Path | None = None) -> Loaded:
+def load(
+    options: Mapping[str, object],
+    environ: Mapping[str, str],
+    file: str | Path | None = None,
+    *,
+    table: Mapping[str, object] | None = None,
+) -> Loaded:
     """Put the layers together. An option that is None was not given; `file` is that of --settings.
 
+    table: settings that somebody has read from the file already, e.g. those of a plant; no other file is read then.
     SettingsError names the place and what was expected, also for a file that was asked for and cannot be read.
     """
     values: dict[str, object] = {}
     origins = dict.fromkeys(HELP, "default")
     path, asked_by = _file(environ, file)
-    if path is not None:
+    if table is not None and file is not None:
+        _add(values, origins, _beside(Path(file), dict(table)), dict.fromkeys(HELP, f"file {file}"))
+    elif path is not None:
         _add(values, origins, _from_file(path, asked_by), dict.fromkeys(HELP, f"file {path}"))
     _add(values, origins, _from_environ(environ), {name: f"environment {variable(name)}" for name in HELP})
     given = {name: value for name, value in options.items() if value is not None and value != ()}
     _add(values, origins, given, {name: f"option {option(name)}" for name in HELP})
     for name, value in values.items():
-        _check(name, value, origins[name])
+        check(name, value, origins[name])
     return Loaded(msgspec.convert(values, Settings, strict=False), origins)
 
 
@@ -168,6 +180,11 @@ def _from_file(path: Path, asked_by: str) -> dict[str, object]:
         raise SettingsError(asked_by or str(path), f"{path}: {error.strerror or error}") from None
     except (msgspec.MsgspecError, UnicodeDecodeError) as error:
         raise SettingsError(str(path), _explained(str(error))) from None
+    return _beside(path, found)
+
+
+def _beside(path: Path, found: dict[str, object]) -> dict[str, object]:
+    """Paths in a file start at its folder."""
     for name in _PATHS:
         if isinstance(given := found.get(name), str):
             found[name] = str(path.parent / given)
@@ -191,8 +208,8 @@ def _from_environ(environ: Mapping[str, str]) -> dict[str, object]:
     return found
 
 
-def _check(name: str, value: object, origin: str) -> None:
-    """SettingsError for a value that the setting does not take."""
+def check(name: str, value: object, origin: str) -> None:
+    """SettingsError for a value that the setting does not take, and for a setting that is none."""
     try:
         msgspec.convert({name: value}, Settings, strict=False)
         if name == "lang":

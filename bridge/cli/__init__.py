@@ -19,6 +19,7 @@ from bridge.cli.exits import MEANING, Exit, exit_for
 from bridge.cli.signals import Interrupted, clean_end
 
 COMMANDS: Final = {
+    "run": "bridge.cli.run:run",
     "serve": "bridge.cli.serve:serve",
     "send": "bridge.cli.send:send",
     "create": "bridge.cli.command:create",
@@ -56,6 +57,11 @@ COMMANDS: Final = {
     "classes translations import": "bridge.cli.classes_write:translations_import",
     "classes delete-unused": "bridge.cli.classes_write:delete_unused",
     "classes where-used": "bridge.cli.where_used:where_used",
+    "modules list": "bridge.cli.modules:list_",
+    "modules show": "bridge.cli.modules:show",
+    "modules state": "bridge.cli.modules:state",
+    "modules param": "bridge.cli.modules:param",
+    "modules call": "bridge.cli.modules:call",
     "modules describe": "bridge.cli.modules_describe:describe",
     "error": "bridge.cli.error:error",
     "sink syslog": "bridge.cli.sink:syslog",

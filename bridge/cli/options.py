@@ -46,8 +46,11 @@ class Basic:
 
     def loaded(self, **more: object) -> config.Loaded:
         """The settings and their origins, with options of one command beside the shared ones."""
-        given = {field.name: _plain(getattr(self, field.name)) for field in fields(self) if field.name in config.HELP}
-        return config.load(given | more, os.environ, self.settings)
+        return config.load(self.given() | more, os.environ, self.settings)
+
+    def given(self) -> dict[str, object]:
+        """The settings that are options of this command; None where one was not given."""
+        return {field.name: _plain(getattr(self, field.name)) for field in fields(self) if field.name in config.HELP}
 
     def load(self, **more: object) -> config.Settings:
         """The settings; with --show-settings prints them and ends."""

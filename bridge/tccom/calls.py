@@ -14,7 +14,7 @@ from typing import Final, TypeAlias
 import msgspec
 
 from bridge.core.events import U32
-from bridge.tccom.general import IDataAreas, IObject, IObjectServer, ITask, IWatchSource
+from bridge.tccom.general import ClassInfo, IDataAreas, IObject, IObjectServer, ITask, IWatchSource
 from bridge.tccom.identity import ClassId, InterfaceId, ObjectId
 from bridge.tccom.interfaces import Interface, describe
 from bridge.tccom.states import State
@@ -41,6 +41,7 @@ _ROWS: Final[tuple[tuple[Interface[object], Access, tuple[str, ...]], ...]] = (
     (IObject, Access.SET, ("set_object_name", "set_parent_id", "set_parameter")),
     (IObject, Access.STATE, ("set_state",)),
     (IDataAreas, Access.READ, ("read_symbol",)),
+    (IWatchSource, Access.READ, ("read_values",)),
     (IDataAreas, Access.SET, ("write_symbol",)),
     (IWatchSource, Access.READ, ("read_values",)),
     (IObjectServer, Access.READ, ("objects", "object_info", "classes", "class_info")),
@@ -103,7 +104,7 @@ class Release(msgspec.Struct, frozen=True, kw_only=True, tag_field="do", tag="re
 
 
 class Describe(msgspec.Struct, frozen=True, kw_only=True, tag_field="do", tag="describe"):
-    """Tell the interfaces of an object; answered with a list of InterfaceText."""
+    """Tell what an object is; answered with ObjectText."""
 
     id: str
     object_id: ObjectId
@@ -136,6 +137,13 @@ class InterfaceText(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     fingerprint: str
     methods: tuple[MethodText, ...]
+
+
+class ObjectText(msgspec.Struct, frozen=True, kw_only=True):
+    """What an object is, for those who declare nothing of it: its class and what can be called."""
+
+    about: ClassInfo
+    interfaces: tuple[InterfaceText, ...]
 
 
 class CallAnswer(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):

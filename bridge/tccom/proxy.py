@@ -50,7 +50,7 @@ from bridge.tccom.calls import (
     Describe,
     Held,
     Hold,
-    InterfaceText,
+    ObjectText,
     Question,
     Release,
     access_of,
@@ -161,7 +161,7 @@ class RemoteObjects:
         return self._server.classes().value
 
     def class_info(self, class_id: ClassId) -> ClassInfo:
-        """One of them, also of an object whose class nobody can create."""
+        """One of them."""
         return self._server.class_info(class_id).value
 
     def set_state(self, object_id: ObjectId, state: State) -> None:
@@ -186,10 +186,10 @@ class RemoteObjects:
 
     # For those who have no declaration of an interface.
 
-    def interfaces(self, object_id: ObjectId) -> tuple[InterfaceText, ...]:
-        """What an object offers, as text."""
+    def describe(self, object_id: ObjectId) -> ObjectText:
+        """What an object is: its class, with parameters and symbols, and what can be called."""
         _, answer = self.ask(Describe(id=new_id(), object_id=object_id), Access.READ, wait=True)
-        return msgspec.convert(_value(answer, object), tuple[InterfaceText, ...])
+        return msgspec.convert(_value(answer, object), ObjectText)
 
     def call(self, object_id: ObjectId, interface: InterfaceId, method: str, arguments: Mapping[str, object]) -> Answer[object]:
         """Call a method by its name, with plain data."""
@@ -320,6 +320,10 @@ class RemoteObject:
     def report(self, kind: ReportKind, *, code: int = S_OK, detail: str = "", duration_ns: int = 0) -> None:
         """Its own object server reports, not its callers."""
 
+    def expect(self, info: InterfaceInfo) -> None:
+        """Hold it later: with its first call."""
+        self._offers = (info.id,)
+
     def hold(self, info: InterfaceInfo, *, wait: bool = False) -> None:
         """Hold the object that has the id now; AdsError."""
         self._target.show()
@@ -372,12 +376,19 @@ class RemoteTargets:
         self._lock = threading.Lock()
 
     def __call__(self, target: str, object_id: ObjectId, interface: Interface[T]) -> AbstractContextManager[T]:
-        """A reference; AdsError when there is no such object, or nobody answers."""
+        """A reference; AdsError when the object is there and does not offer the interface, or not to us."""
         with self._lock:
             if target not in self._targets:
                 self._targets[target] = RemoteObjects(self._bus, target, realm=self._realm, timeout_s=self._timeout_s)
             found = self._targets[target]
-        return found.get(object_id, interface)
+        remote = RemoteObject(found, object_id)
+        try:
+            remote.hold(describe(interface), wait=True)
+        except AdsError as error:
+            if error.code not in (ADS_E_NOTFOUND, ADS_E_TIMEOUT):
+                raise
+            remote.expect(describe(interface))
+        return Reference(remote, interface)
 
     def close(self) -> None:
         """Let go of everything."""

@@ -18,7 +18,8 @@ from bridge.tccom.states import State, Transition
 class ReportKind(StrEnum):
     """done: a transition is complete. failed: it is not, and the object stays where it was. undo_failed: what was acquired
     could not be given back in good order. slow: a real-time transition took too long. cycle_failed: a cyclic call raised, and
-    the ones before had not; cycle_recovered: it works again. late: a task skipped cycles.
+    the ones before had not; cycle_recovered: it works again. late: a task skipped cycles. broken: a module says that it does
+    not work any more.
     """
 
     DONE = "done"
@@ -28,6 +29,7 @@ class ReportKind(StrEnum):
     CYCLE_FAILED = "cycle_failed"
     CYCLE_RECOVERED = "cycle_recovered"
     LATE = "late"
+    BROKEN = "broken"
 
 
 class Report(msgspec.Struct, frozen=True, kw_only=True):

@@ -57,14 +57,16 @@ from bridge.tccom.calls import (
     Hold,
     InterfaceText,
     MethodText,
+    ObjectText,
     Question,
     Release,
     access_of,
 )
-from bridge.tccom.describing import type_text
+from bridge.tccom.describing import class_info, type_text
 from bridge.tccom.general import IUnknown
 from bridge.tccom.identity import OBJECT_SERVER_ID, InterfaceId, ObjectId
 from bridge.tccom.interfaces import InterfaceInfo, Method, known_interface
+from bridge.tccom.objects import LiveObject
 from bridge.tccom.references import Holdable, Reference
 from bridge.tccom.server import ObjectServer
 
@@ -219,7 +221,7 @@ class ObjectService:
             case Describe():
                 reference = self.server.get(question.object_id, IUnknown)
                 with reference:
-                    return self._made(tuple(map(interface_text, reference.held.interfaces.values())))
+                    return self._made(_object_text(reference.held))
             case _ as never:
                 assert_never(never)
 
@@ -347,8 +349,13 @@ def _compare(info: InterfaceInfo, fingerprint: str) -> None:
         )
 
 
-def interface_text(info: InterfaceInfo) -> InterfaceText:
-    """An interface as people read it."""
+def _object_text(held: Holdable) -> ObjectText:
+    assert isinstance(held, LiveObject)
+    interfaces = tuple(map(_interface_text, held.interfaces.values()))
+    return ObjectText(about=class_info(type(held.module)), interfaces=interfaces)
+
+
+def _interface_text(info: InterfaceInfo) -> InterfaceText:
     return InterfaceText(
         id=info.id, name=info.name, fingerprint=info.fingerprint, methods=tuple(map(_method_text, info.methods.values()))
     )

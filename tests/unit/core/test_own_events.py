@@ -10,7 +10,8 @@ def test_the_class_is_fixed() -> None:
     """Logs of years hold this GUID and these ids."""
     assert OWN_CLASS == OWN_EVENTS.guid == "7c1b6f0e-54c3-4b52-9b0a-7463627269d6"
     assert (CACHE_DROPPED, LOG_CLEARED, SOURCE_GONE, SYSTEM_ERROR) == (1, 2, 3, 4)
-    assert set(OWN_EVENTS.events) == {1, 2, 3, 4}
+    assert set(OWN_EVENTS.events) == {1, 2, 3, 4, 10, 11, 12, 13, 14, 15, 16, 17, 18}
+    assert [entry.name for entry in OWN_EVENTS.events.values()][4:6] == ["ModuleStep", "ModuleStepFailed"]
 
 
 def test_each_event_has_a_text_in_two_languages() -> None:

@@ -1,0 +1,142 @@
+"""A plant in this program: its modules come up in order, are there for others, and go down in reverse.
+
+Rule 1: first every module is created (PREOP), then each is brought to its state, whoever is needed before whoever needs. So
+interface pointers may form circles.
+Rule 2: a module that fails stays where it got to and is told about. Those that need it are not brought further; the others are.
+Rule 3: closing takes the youngest down first, so the loggers last, by force, and never hangs.
+"""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from types import TracebackType
+from typing import Final, Self
+
+from bridge.config import ModulesAccess
+from bridge.core.events import MessageSent
+from bridge.core.hresult import ADS_E_EXCEPTION, AdsError
+from bridge.host.news import News
+from bridge.host.plan import USER_RANK, Plan, Planned
+from bridge.host.surroundings import Surroundings
+from bridge.host.system import Logger, SystemModule
+from bridge.publisher import Publisher
+from bridge.tccom.calls import Access
+from bridge.tccom.factories import Factories
+from bridge.tccom.identity import ObjectId
+from bridge.tccom.module import Module
+from bridge.tccom.proxy import RemoteTargets
+from bridge.tccom.server import ObjectServer
+from bridge.tccom.service import ObjectService
+from bridge.tccom.states import State
+
+ACCESS: Final[dict[ModulesAccess, frozenset[Access]]] = {
+    "none": frozenset(),
+    "read": frozenset({Access.READ}),
+    "call": frozenset({Access.READ, Access.SET, Access.CALL}),
+    "all": frozenset(Access),
+}
+"""What the setting modules_access allows."""
+
+
+class Host:
+    """Runs the modules of a plan. A context manager; start() brings them up."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        around: Surroundings,
+        factories: Factories | None = None,
+        *,
+        told: Callable[[MessageSent], None] = lambda _: None,
+    ) -> None:
+        """told hears of each step and failure. ObjectsTakenError when somebody serves the target's objects already."""
+        self.plan, self.around = plan, around
+        self.target = around.settings.one_target
+        self._down: set[ObjectId] = set()
+        with ExitStack() as opened:
+            has_logger = any(each.module_class is Logger for each in plan.modules)
+            self._publisher = (
+                None if has_logger else opened.enter_context(Publisher(around.bus, self.target, realm=around.settings.realm))
+            )
+            self.news = News(self.target, self._send, told)
+            around.on_logger = self.news.flush
+            remote = opened.enter_context(RemoteTargets(around.bus, realm=around.settings.realm))
+            self.server = opened.enter_context(ObjectServer(factories=factories, report=self.news.report, remote=remote))
+            self._service = opened.enter_context(
+                ObjectService(
+                    self.server,
+                    around.bus,
+                    self.target,
+                    realm=around.settings.realm,
+                    allow=ACCESS[around.settings.modules_access],
+                )
+            )
+            self._opened = opened.pop_all()
+
+    def _send(self, event: MessageSent) -> bool:
+        if self._publisher is not None:
+            self._publisher.send(event)
+            return True
+        logger = self.around.logger()
+        if logger is None:
+            return False
+        logger.report(event)
+        return True
+
+    def start(self) -> None:
+        """Bring every module to its state, as far as it gets."""
+        for each in self.plan.modules:
+            self._create(each)
+        for each in self.plan.modules:
+            if each.rank == USER_RANK:
+                self.news.open()
+            self._bring_up(each)
+        self.news.open()
+
+    def _create(self, each: Planned) -> None:
+        try:
+            self.server.add(
+                self._made(each.module_class),
+                object_id=each.object_id,
+                parent_id=each.parent_id,
+                name=each.name,
+                parameters=each.parameters,
+            )
+        except AdsError as error:
+            self._failed(each, str(error))
+
+    def _made(self, kind: type[Module]) -> Module:
+        try:
+            return kind(self.around) if issubclass(kind, SystemModule) else kind()
+        except Exception as error:
+            raise AdsError(ADS_E_EXCEPTION, f"{kind.__name__} cannot be made: {type(error).__name__}: {error}") from error
+
+    def _bring_up(self, each: Planned) -> None:
+        if each.object_id in self._down:
+            return
+        names = {one.object_id: one.name for one in self.plan.modules}
+        if missing := [names[number] for number in each.needs if number in self._down and number != each.object_id]:
+            self._failed(each, f"it needs {', '.join(missing)}")
+            return
+        try:
+            self.server.set_state(each.object_id, each.state)
+        except AdsError as error:
+            self._failed(each, str(error))
+
+    def _failed(self, each: Planned, why: str) -> None:
+        self._down.add(each.object_id)
+        self.news.not_started(each.object_id, each.name, why)
+
+    def not_up(self) -> tuple[str, ...]:
+        """The names of the modules that are not in the state that the plan wants."""
+        states = {info.object_id: info.state for info in self.server.objects()}
+        return tuple(each.name for each in self.plan.modules if states.get(each.object_id, State.INIT) < each.state)
+
+    def close(self) -> None:
+        """Take everything down. Any number of times."""
+        self._opened.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
