@@ -251,6 +251,11 @@ class ObjectServer:
         with self._lock:
             return len(self._living)
 
+    @property
+    def closed(self) -> bool:
+        """Whether close() has begun."""
+        return self._closed
+
     def set_state(self, object_id: ObjectId, state: State) -> None:
         """Walk an object to a state, step by step; AdsError, and it is where the last completed step left it."""
         self._found(object_id).set_state(state)
@@ -375,6 +380,11 @@ class ServerObject(Module, IObjectServer):
 
     def __init__(self, keeper: ObjectServer) -> None:
         self._keeper = keeper
+
+    def on_os(self) -> None:
+        """Stay in OP for as long as the object server is open."""
+        if not self._keeper.closed:
+            raise AdsError(ADS_E_ACCESSDENIED, "the object server stays in OP until it is closed")
 
     def objects(self) -> Answer[tuple[ObjectInfo, ...]]:
         return Answer(self._keeper.objects())

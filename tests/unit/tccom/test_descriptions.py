@@ -36,6 +36,7 @@ class Limits(msgspec.Struct):
 class Image(msgspec.Struct):
     limits: Limits = msgspec.field(default_factory=Limits)
     count: int = 3
+    ready: bool = False
 
 
 class LowPass(Module, IFilter2):
@@ -70,6 +71,7 @@ def test_a_class_of_ours_as_a_tmc_file() -> None:
     assert [(symbol.name, symbol.type.name, symbol.default) for symbol in area.symbols] == [
         ("limits.low", "LREAL", (Value("0.5"),)),
         ("count", "LINT", (Value("3"),)),
+        ("ready", "BOOL", (Value("false", "Bool"),)),
     ]
     assert module.interface_pointers == (Pointer(0x4, "source", TypeName("IFilter", FILTER)),)
 

@@ -1,12 +1,13 @@
 """Objects come, are found, held and moved, and go."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import pytest
 
 from bridge.core.hresult import (
+    ADS_E_ACCESSDENIED,
     ADS_E_EXCEPTION,
     ADS_E_EXISTS,
     ADS_E_INVALIDCLSID,
@@ -128,6 +129,31 @@ def test_what_cannot_be_is_refused_with_its_code(call: object, code: int) -> Non
             call(server)
         assert failure.value.code == code
         assert server.living == len(server.objects()) == 1
+
+
+def test_the_object_server_stays_until_it_is_closed() -> None:
+    """Nobody deletes or stops it through itself, by force or over the bus; closing does."""
+    with ObjectServer() as server:
+        with server.get(OBJECT_SERVER_ID, IObjectServer) as itself, server.get(OBJECT_SERVER_ID, IObject) as found:
+            attempts: list[Callable[[], object]] = [
+                lambda: server.delete(OBJECT_SERVER_ID),
+                lambda: server.delete(OBJECT_SERVER_ID, force=True),
+                lambda: server.set_state(OBJECT_SERVER_ID, State.PREOP),
+                lambda: itself.delete_instance(OBJECT_SERVER_ID),
+                lambda: found.set_state(State.INIT),
+            ]
+            for attempt in attempts:
+                with pytest.raises(AdsError) as failure:
+                    attempt()
+                assert failure.value.code == ADS_E_ACCESSDENIED
+        assert server.object_info(OBJECT_SERVER_ID).state is State.OP
+    assert server.objects() == ()
+
+
+def test_only_interfaces_are_asked_for() -> None:
+    """A class that is no interface is the caller's mistake, and told as such."""
+    with ObjectServer() as server, pytest.raises(TypeError, match="@interface"):
+        server.get(OBJECT_SERVER_ID, Calculation)
 
 
 def test_a_method_that_breaks_is_an_error_for_its_caller_only() -> None:
