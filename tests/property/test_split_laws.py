@@ -2,6 +2,7 @@
 
 import tempfile
 from collections import deque
+from collections.abc import Iterable
 from pathlib import Path
 
 import msgspec
@@ -9,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bridge.core.alarms import (
+    Alarm,
     AlarmCommand,
     AlarmKey,
     AlarmTable,
@@ -24,9 +26,11 @@ from bridge.core.alarms import (
 from bridge.core.events import AlarmEvent, MessageSent, Severity
 from bridge.core.hresult import AdsError
 from bridge.edges.recording import About, RecordedEvent, RecordedState, read_events
+from bridge.edges.recording.standing import Standing
 from bridge.notices import Heard, Item, Snapshot
 from bridge.recorder.choice import Choice
 from bridge.recorder.files import Files, Split
+from bridge.recorder.states import States
 from tests.unit.recorder.recorder_stories import CLASS, OTHER, START, S, heard, message
 
 KEYS = [AlarmKey("plc1", event_class, number) for event_class in (CLASS, OTHER) for number in (1, 2)]
@@ -77,16 +81,24 @@ def streams(draw: st.DrawFn) -> tuple[list[tuple[Item, int]], AlarmTable]:
     return list(zip(items, times, strict=True)), logger
 
 
-def fold(paths: list[Path]) -> AlarmTable:
+def fold(paths: list[Path]) -> dict[AlarmKey, tuple[object, ...]]:
     """The state after reading these files, keyframes included."""
-    table = AlarmTable()
+    standing = Standing()
     for path in paths:
         for item in read_events(path):
             if isinstance(item, RecordedState):
-                table.load(item.state.alarms, item.state.session, item.state.seq, item.state.target)
+                standing.state(item.state)
             elif isinstance(item, RecordedEvent) and not isinstance(item.event, MessageSent):
-                table.apply(item.event)
-    return table
+                standing.event(item.realm, item.event)
+    return state(standing.alarms())
+
+
+def state(alarms: Iterable[Alarm]) -> dict[AlarmKey, tuple[object, ...]]:
+    """What two views of alarms have to agree in."""
+    table = AlarmTable()
+    for alarm in alarms:
+        table.put(alarm)
+    return dict(table.state())
 
 
 @settings(max_examples=60)
@@ -107,4 +119,34 @@ def test_files_read_together_or_from_any_of_them_on_give_the_state(
         written = [item.event for path in paths for item in read_events(path) if isinstance(item, RecordedEvent)]
         assert written == [item.event for item, _ in items if isinstance(item, Heard)]
         for first in range(len(paths)):
-            assert fold(paths[first:]).state() == logger.state()
+            assert fold(paths[first:]) == state(logger.alarms.values())
+
+
+@settings(max_examples=60)
+@given(streams(), st.lists(st.booleans(), min_size=1, max_size=12))
+def test_captures_read_together_or_from_any_of_them_on_give_the_state(
+    stream: tuple[list[tuple[Item, int]], AlarmTable], windows: list[bool]
+) -> None:
+    """What went by between two files is in the keyframe of the second, though no gap stands between them."""
+    items, _ = stream
+    every = max(1, len(items) // len(windows) + 1)
+    so_far, last = States(), dict[AlarmKey, tuple[object, ...]]()
+    with tempfile.TemporaryDirectory() as name:
+        files = Files(Path(name), Choice(None), about=About(realm="live"))
+        for place, (item, at_ns) in enumerate(items):
+            wanted = windows[place // every]
+            if wanted and files.current is None:
+                files.begin(at_ns)
+            if not wanted:
+                files.end()
+                files.skip(item)
+            else:
+                files.write(item, at_ns)
+            so_far.take(item)
+            if wanted:
+                last = state(alarm for frame in so_far.frames("live", None) for alarm in frame.alarms)
+        files.end()
+        files.close()
+        paths = sorted(Path(name).glob("*.mcap"))
+        for first in range(len(paths)):
+            assert fold(paths[first:]) == last
