@@ -6,6 +6,7 @@ Rule 2: memory is bounded by the chunks that can match: places of the others are
 Rule 3: only for files of our own writer. In those log times never go back, and channels never change.
 """
 
+import struct
 import zlib
 from collections.abc import Callable, Iterator
 from io import BytesIO
@@ -14,7 +15,7 @@ from typing import BinaryIO, Final, NamedTuple
 import msgspec
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import AttachmentIndex, Channel, ChunkIndex, Footer, MetadataIndex, Schema, Statistics
+from mcap.records import AttachmentIndex, Channel, Footer, MetadataIndex, Schema, Statistics
 
 from bridge.edges.recording.layout import MAX_CHUNK_BYTES
 from bridge.edges.recording.records import HEAD, HOSTILE, MAGIC, AttachmentPlace, opcode_name
@@ -23,6 +24,8 @@ LATEST: Final = 2**64 - 1
 _FOOTER_BYTES: Final = HEAD.size + 20
 _DATA_END_BYTES: Final = HEAD.size + 4
 _BLOCK: Final = 1 << 20
+_CHUNK_INDEX: Final = struct.Struct("<QQQQI")
+_OFFSET_BYTES: Final = 10
 
 
 class IndexFault(ValueError):
@@ -125,10 +128,34 @@ def _read(
 ) -> Index:
     index = Index()
     wanted: dict[int, bool] = {}
-    sets: dict[frozenset[int], frozenset[int]] = {}
+    sets: dict[tuple[bytes, bytes], tuple[frozenset[int], bool]] = {}
     place, last_ns = len(MAGIC), -1
     statistics: Statistics | None = None
     for opcode, body in records:
+        if opcode == Opcode.CHUNK_INDEX:  # there are as many as flushes: taken apart here, and most have the same channels
+            first, last, offset, length, size = _CHUNK_INDEX.unpack_from(body)
+            end = _CHUNK_INDEX.size + size
+            ids = body[_CHUNK_INDEX.size : end : _OFFSET_BYTES], body[_CHUNK_INDEX.size + 1 : end : _OFFSET_BYTES]
+            found = sets.get(ids)
+            if found is None:
+                if size % _OFFSET_BYTES or end > len(body):
+                    raise IndexFault("the chunk index contradicts itself")
+                channels = frozenset(low | high << 8 for low, high in zip(*ids, strict=True))
+                if not channels <= wanted.keys():
+                    raise IndexFault("the chunk index contradicts itself")
+                found = sets[ids] = channels, any(wanted[number] for number in channels)
+            index.chunk_count += 1
+            if offset < place:
+                raise IndexFault("the chunk index contradicts itself")
+            place = offset + length
+            if not size:
+                continue
+            if not last_ns <= first <= last or place > data_end:
+                raise IndexFault("the chunk index contradicts itself")
+            last_ns = last
+            if last >= start_ns and first < end_ns and found[1]:
+                index.chunks.append(ChunkPlace(offset, length, first, last, found[0]))
+            continue
         stream = ReadDataStream(BytesIO(body))
         match opcode:
             case Opcode.SCHEMA:
@@ -141,23 +168,6 @@ def _read(
             case Opcode.STATISTICS:
                 statistics = Statistics.read(stream)
                 index.counts = statistics.channel_message_counts
-            case Opcode.CHUNK_INDEX:
-                chunk = ChunkIndex.read(stream)
-                index.chunk_count += 1
-                inside = chunk.message_index_offsets
-                if chunk.chunk_start_offset < place or not inside.keys() <= wanted.keys():
-                    raise IndexFault("the chunk index contradicts itself")
-                place = chunk.chunk_start_offset + chunk.chunk_length
-                if not inside:
-                    continue
-                first, last = chunk.message_start_time, chunk.message_end_time
-                if not last_ns <= first <= last or place > data_end:
-                    raise IndexFault("the chunk index contradicts itself")
-                last_ns = last
-                if last >= start_ns and first < end_ns and any(wanted[number] for number in inside):
-                    channels = frozenset(inside)
-                    channels = sets.setdefault(channels, channels)  # many chunks have the same
-                    index.chunks.append(ChunkPlace(chunk.chunk_start_offset, chunk.chunk_length, first, last, channels))
             case Opcode.ATTACHMENT_INDEX:
                 attachment = AttachmentIndex.read(stream)
                 index.attachments.append(AttachmentPlace(attachment.offset, attachment.name, attachment.data_size))
