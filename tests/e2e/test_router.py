@@ -12,7 +12,17 @@ import pytest
 
 from bridge.core.events import AlarmDisposed, Event, Severity, Source
 from bridge.edges.bus import BusConfig, open_bus
-from bridge.listener import BusBack, BusLost, Gap, Item, Listener, LoggerBack, LoggerGone, TailUnknown
+from bridge.listener import (
+    BusBack,
+    BusLost,
+    Gap,
+    Item,
+    Listener,
+    LoggerBack,
+    LoggerGone,
+    SuspectsChanged,
+    TailUnknown,
+)
 from bridge.logger import EventLogger, LoggerProxy
 from tests.e2e.fault_stories import CLASS, Program, eventually, program
 
@@ -139,6 +149,42 @@ def test_a_logger_that_dies_alone_is_gone_and_comes_back(bus_config: BusConfig, 
             logger.process.wait(30)
         assert isinstance(listener.get(30), AlarmDisposed)
         assert notice(listener) == LoggerGone("plc1", back.session, True)
+
+
+SOURCE = f"""
+import sys
+from bridge import BusConfig, LoggerProxy, Severity, Source, open_bus
+config = BusConfig(connect=(sys.argv[1],), scouting=False)
+with open_bus(config) as bus, LoggerProxy(bus, "plc1", timeout_s=60) as proxy:
+    for number in range(2):
+        proxy.raise_alarm(proxy.create_alarm("{CLASS}", number, Severity.ERROR, source=Source(name="MAIN")).alarm)
+        print("raised", flush=True)
+        sys.stdin.readline()
+"""
+
+
+def test_sources_outlive_the_router(endpoint: str) -> None:
+    """While it is gone nobody dies; a source that is still there afterwards is trusted all along, until it is killed itself."""
+    config = BusConfig(connect=(endpoint,), scouting=False)
+    with contextlib.ExitStack() as stack:
+        router = stack.enter_context(router_at(endpoint))
+        one, two = (stack.enter_context(open_bus(config)) for _ in range(2))
+        logger = stack.enter_context(EventLogger("plc1", bus=one))
+        listener = stack.enter_context(Listener(two, target="plc1", with_state=True))
+        assert listener.wait_for_beat(logger.session, timeout_s=30)
+        source = stack.enter_context(program(endpoint, code=SOURCE))
+        assert source.line() == "raised"
+        router.kill()
+        assert notice(listener) == BusLost()
+        stack.enter_context(router_at(endpoint))
+        assert notice(listener) == BusBack()
+        source.tell()
+        assert source.line() == "raised"
+        source.kill()
+        told = notice(listener)
+        assert isinstance(told, SuspectsChanged)
+        assert sorted(key.event_id for key in told.suspects) == [0, 1]
+        assert logger.book.logbook.marks == 1
 
 
 def notice(listener: Listener) -> Item | None:

@@ -16,7 +16,7 @@ MANUALS = sorted((ROOT / ".." / "shared" / "seeds").resolve().glob("003_*.txt"))
 CHAPTER = re.compile(r"^[#* ]+((?:4|5|6|7|8|10)(?:\.\d+)*)\.?\s+(.+?)[*\s]*$")
 TABLE = re.compile(r"^Name\t(?:Beschreibung|Definitions|Modifizierer|R.ckgabotyp|Typ\tZugriff|Typ\tInitialwert)")
 NAMES = {
-    "5.5": re.compile(r"\\EventLogger\\(\S+)"),
+    "5.5": re.compile(r"(?:\\EventLogger\\|HKEY.*\[)([\w\\]+)"),
     "5.10.1": re.compile(r"((?:ADS_)?E_\w+)\t"),
     "6.1.2.2": re.compile(r"([a-z]\w+)\t(?:BOOL|DINT|STRING)\t"),
 }
