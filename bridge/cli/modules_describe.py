@@ -23,7 +23,7 @@ _HEADERS: Final = ("Kind", "Id", "Name", "Type", "More")
 def describe(
     sources: Annotated[
         tuple[str, ...],
-        Parameter(name="SOURCES", help="Description files (.tmc), or names or ids of installed module classes."),
+        Parameter(name="SOURCES", help="Description files (.tmc), or names or ids of module classes that a plant can have."),
     ],
     /,
     *,
@@ -37,7 +37,7 @@ def describe(
     1: something in the files cannot be read; nothing is written then.
 
     Try:
-        tcbridge modules describe Task
+        tcbridge modules describe Logger
         tcbridge modules describe Task --output task.tmc
     """
     from bridge.core.module_tmc_writer import write_modules
@@ -61,12 +61,13 @@ def _read(sources: Sequence[str]) -> "tuple[list[ModuleClass], list[InterfaceTyp
     from bridge.core.hresult import AdsError
     from bridge.core.module_tmc import read_modules
     from bridge.core.tmc import Problem, TmcError
+    from bridge.host.system import KINDS
     from bridge.tccom.descriptions import described
     from bridge.tccom.factories import Factories
     from bridge.tccom.tasks import Task
 
     installed = Factories()
-    installed.register(Task)
+    installed.register(Task, *(kind.module_class for kind in KINDS))
     modules: list[ModuleClass] = []
     interfaces: dict[str, InterfaceType] = {}
     problems: list[Problem] = []

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 import msgspec
 
 from bridge.core.hresult import AdsError
-from bridge.core.module_instances import Instance, Plant, PlantError, Reference
+from bridge.core.module_instances import Instance, Key, Plant, PlantError, Reference
 from bridge.core.tmc import Problem
 from bridge.host.system import KINDS
 from bridge.tccom.declarations import UNSET, InterfacePointer, Parameter
@@ -140,22 +140,22 @@ def _faults(plant: Plant, instance: Instance, kind: type[Module], classes: Mappi
     for key, value in instance.parameters.items():
         one = _declared(kind, key)
         if not isinstance(one, Parameter):
-            yield plant.problem(instance, _unknown("parameter", key, declared.parameters, kind), "parameters", str(key))
+            yield plant.problem(instance, _unknown("parameter", key, declared.parameters, kind), "parameters", key)
             continue
         given.add(one.name)
         try:
             one.checked(value)
         except AdsError as error:
-            yield plant.problem(instance, error.detail, "parameters", str(key))
+            yield plant.problem(instance, error.detail, "parameters", key)
         if not one.settable:
-            yield plant.problem(instance, f"parameter {one.name!r} is not set from outside", "parameters", str(key))
+            yield plant.problem(instance, f"parameter {one.name!r} is not set from outside", "parameters", key)
     for key, reference in instance.pointers.items():
         one = _declared(kind, key)
         if not isinstance(one, InterfacePointer):
-            yield plant.problem(instance, _unknown("pointer", key, declared.pointers, kind), "pointers", str(key))
+            yield plant.problem(instance, _unknown("pointer", key, declared.pointers, kind), "pointers", key)
             continue
         given.add(one.name)
-        yield from _offers(plant, instance, reference, one, classes, ("pointers", str(key)))
+        yield from _offers(plant, instance, reference, one, classes, ("pointers", key))
     if instance.task is not None:
         caller = _declared(kind, PID_CYCLIC_CALLER)
         if not isinstance(caller, InterfacePointer):
@@ -176,7 +176,7 @@ def _offers(
     reference: Reference,
     pointer: InterfacePointer[object],
     classes: Mapping[str, type[Module]],
-    keys: tuple[str, ...],
+    keys: tuple[Key, ...],
 ) -> Iterator[Problem]:
     """Whether the one that is pointed to offers the interface."""
     other = plant.instance(reference)

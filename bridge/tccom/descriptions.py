@@ -106,7 +106,8 @@ def _type(kind: object) -> rows.TypeName:
 
 def _default(value: object) -> tuple[rows.Value, ...]:
     kind = _KINDS.get(type(value))
-    return () if value is UNSET or kind is None else (rows.Value(str(value), kind),)
+    text = str(value).lower() if kind == "Bool" else str(value)
+    return () if value is UNSET or kind is None else (rows.Value(text, kind),)
 
 
 def _method(method: Method) -> rows.Method:

@@ -68,4 +68,5 @@ def test_what_cannot_be_read_is_told(pump: Path, tmp_path: Path, capsys: pytest.
     assert not out.exists()
     assert run(["modules", "describe", "gone.tmc"]) == Exit.USAGE
     assert run(["modules", "describe", "Tsk"]) == Exit.USAGE
-    assert "no module class 'Tsk'; expected a .tmc file or one of Task" in capsys.readouterr().err
+    expected = "expected a .tmc file or one of Listener, Logger, Recorder, Sink, Task"
+    assert f"no module class 'Tsk'; {expected}" in capsys.readouterr().err
