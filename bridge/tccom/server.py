@@ -6,7 +6,7 @@ how far a module comes creates it in PREOP and moves it then.
 Rule 3: delete() takes an object down and signs it off. It is gone when its last holder lets go.
 Rule 4: close() takes everything down, the youngest first, by force, and says how many failed.
 
-The server is an object too (OBJECT_SERVER_ID): what others may ask it over the bus is IObjectServer.
+The server is an object too, see itself.py.
 """
 
 import logging
@@ -30,9 +30,8 @@ from bridge.core.hresult import (
     AdsError,
 )
 from bridge.tccom.declarations import Address, checked_address
-from bridge.tccom.describing import class_info
 from bridge.tccom.factories import Factories
-from bridge.tccom.general import ClassInfo, IObject, IObjectServer, ObjectInfo, ParameterKey, Parameters
+from bridge.tccom.general import ObjectInfo, ParameterKey, Parameters
 from bridge.tccom.identity import (
     CREATE_NEW_ID,
     FIRST_FREE_ID,
@@ -46,7 +45,8 @@ from bridge.tccom.identity import (
     is_object_id,
     parse_id,
 )
-from bridge.tccom.interfaces import DONE, Answer, Interface, missing
+from bridge.tccom.interfaces import Interface, missing
+from bridge.tccom.itself import ServerObject
 from bridge.tccom.module import Module
 from bridge.tccom.objects import LiveObject, current_step
 from bridge.tccom.references import Reference
@@ -370,54 +370,3 @@ class ObjectServer:
         """Its last holder has let go."""
         with self._lock:
             self._living.discard(live)
-
-
-class ServerObject(Module, IObjectServer):
-    """The object server, seen as an object."""
-
-    class_id = "5c3a6d0e-6f0b-4d0c-9a43-2f1de0a7b001"
-    thread_safe = True
-
-    def __init__(self, keeper: ObjectServer) -> None:
-        self._keeper = keeper
-
-    def on_os(self) -> None:
-        """Stay in OP for as long as the object server is open."""
-        if not self._keeper.closed:
-            raise AdsError(ADS_E_ACCESSDENIED, "the object server stays in OP until it is closed")
-
-    def objects(self) -> Answer[tuple[ObjectInfo, ...]]:
-        return Answer(self._keeper.objects())
-
-    def object_info(self, object_id: ObjectId) -> Answer[ObjectInfo]:
-        return Answer(self._keeper.object_info(object_id))
-
-    def classes(self) -> Answer[tuple[ClassInfo, ...]]:
-        return Answer(tuple(map(class_info, self._keeper.factories.classes())))
-
-    def class_info(self, class_id: ClassId) -> Answer[ClassInfo]:
-        return Answer(class_info(self._keeper.factories.find(class_id)))
-
-    def create_instance(
-        self,
-        class_id: ClassId,
-        name: str = "",
-        object_id: ObjectId = CREATE_NEW_ID,
-        parent_id: ObjectId = NO_OBJECT,
-        parameters: dict[str, object] = {},  # noqa: B006 # never changed
-        state: State = State.PREOP,
-    ) -> Answer[ObjectId]:
-        with self._keeper.create(
-            class_id,
-            IObject,
-            object_id=object_id,
-            parent_id=parent_id,
-            name=name,
-            parameters=parameters,
-            state=state,
-        ) as created:
-            return created.get_object_id()
-
-    def delete_instance(self, object_id: ObjectId) -> Answer[None]:
-        self._keeper.delete(object_id)
-        return DONE
