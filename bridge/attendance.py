@@ -4,6 +4,7 @@ Rule 1: a token that vanishes while the connection to the router is lost says no
 Who is not back AWAY_S after the connection is gone then.
 Rule 2: the connection and the tokens come through different queues, so a vanished token is believed after SETTLE_S.
 Rule 3: a sender that gives up one role and keeps another is not gone.
+Rule 4: the role LEFT is a farewell: while it is shown its session gives up its other role, and when it goes nothing is said.
 """
 
 import contextlib
@@ -15,6 +16,7 @@ from typing import Final, NamedTuple
 from bridge.core import keys
 from bridge.edges.bus import Bus
 
+LEFT: Final = "left"
 SETTLE_S: Final = 0.1
 AWAY_S: Final = 2.0
 _RECENT_S: Final = 1.0
@@ -67,11 +69,17 @@ class Attendance:
                 with self._lock:
                     self._there.setdefault(session, set()).add(token)
                     self._away.discard(token)
-                self._came(token)
+                if role != LEFT:
+                    self._came(token)
                 return
             with self._lock:
-                self._there.get(session, set()).discard(token)
-                lives_on, lost = bool(self._there.get(session)), self._lost
+                tokens = self._there.get(session, set())
+                tokens.discard(token)
+                if not tokens:
+                    self._there.pop(session, None)
+                lives_on, lost = bool(tokens), self._lost
+            if role == LEFT:
+                return
             if not lives_on and not lost:
                 self._closed.wait(SETTLE_S)
             unreachable = self._routed and not self._bus.has_router()

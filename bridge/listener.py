@@ -337,7 +337,6 @@ class Listener(Handover):
     # Who is there: on threads of the bus.
 
     def _came(self, who: Token) -> None:
-        self._losses.meet(who.session, who.target)
         if who.role != "logger":
             return
         with self._work:

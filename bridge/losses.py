@@ -230,10 +230,6 @@ class Losses:
 
     # Who has said what.
 
-    def meet(self, session: str, target: str) -> None:
-        """A session is there, whether or not it has sent anything yet."""
-        self._sessions[session] = target
-
     def farewell(self, session: str) -> bool:
         """Whether a session that is gone said its last word; waits a moment for one that is still on its way here."""
         if self.tracker.heard(session):

@@ -10,13 +10,13 @@ import threading
 from collections.abc import Callable
 from typing import Final
 
+from bridge.attendance import LEFT
 from bridge.core import keys
 from bridge.edges.bus import Bus, Closable
 
 LOGGER: Final = "logger"
 OBJECTS: Final = "objects"
 SOURCE: Final = "source"
-_LEFT: Final = "left"
 
 
 def token_key(target: str, realm: str, session: str | None = None, *, role: str = LOGGER) -> str:
@@ -26,7 +26,7 @@ def token_key(target: str, realm: str, session: str | None = None, *, role: str 
 
 def show_source(bus: Bus, target: str, realm: str, session: str) -> Closable:
     """Show that a source of the target's alarms is there, until closed."""
-    here, left = (keys.verb_key(realm, target, "@alive", role, session) for role in (SOURCE, _LEFT))
+    here, left = (keys.verb_key(realm, target, "@alive", role, session) for role in (SOURCE, LEFT))
     return bus.alive(here, left)
 
 
