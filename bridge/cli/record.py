@@ -125,6 +125,9 @@ def record(
     loaded = common.loaded()
     settings = common.load()
     known = catalog(settings)
+    if not around.trigger and around != AROUND_IT:
+        raise Usage("--before, --after and --memory are about a --trigger")
+    split_size, keep_size = size(division.split_size), size(division.keep_size)
     stopped = threading.Event()
     with open_bus(settings) as bus, BusTexts(bus, realm=settings.realm, catalog=known) as texts, ExitStack() as stack:
         names = " or ".join(f"event_class = {quoted(each)}" for each in event_class)
@@ -141,8 +144,8 @@ def record(
                 realm=settings.realm,
                 targets=common.targets or ((settings.target,) if settings.target else ()),
                 capture=None if trigger is None else around.capture(trigger),
-                split=Split(size_bytes=size(division.split_size), seconds=division.split_time),
-                keep=Keep(files=division.keep_files, size_bytes=size(division.keep_size)),
+                split=Split(size_bytes=split_size, seconds=division.split_time),
+                keep=Keep(files=division.keep_files, size_bytes=keep_size),
                 compression=compression,
                 fsync=fsync,
                 comment=comment,

@@ -6,6 +6,7 @@ Rule 2: an event class is a GUID or a name; a name that stands for several versi
 
 import base64
 import binascii
+import re
 from typing import TYPE_CHECKING, Final, Literal, TypeAlias
 
 from bridge.cli.exits import Usage
@@ -20,7 +21,8 @@ SeverityName: TypeAlias = Literal["verbose", "info", "warning", "error", "critic
 TYPES: Final = {kind.name.lower(): kind for kind in ArgumentType if kind is not ArgumentType.UNDEFINED}
 """The types that --arg takes, by name."""
 _WORDS: Final = {"true": True, "false": False}
-_FACTORS: Final = {"K": 10**3, "M": 10**6, "G": 10**9, "T": 10**12}
+_FACTORS: Final = {"": 1, "K": 10**3, "M": 10**6, "G": 10**9, "T": 10**12}
+_SIZE: Final = re.compile(r"(\d{1,15}(?:\.\d{1,9})?) ?([KMGT]?)B?", re.ASCII)
 _TEXTS: Final = ("string", "wstring", "utf8_string", "utf16_string", "utf32_string", "format_string", "char", "wchar")
 
 
@@ -112,14 +114,7 @@ def time_ns(text: str | None) -> int:
 
 def size(text: str) -> int:
     """Bytes as a person writes them: 1000000, 100MB, 2GB; "" is 0."""
-    number, factor = text.upper().removesuffix("B"), 1
-    for letter, each in _FACTORS.items():
-        if number.endswith(letter):
-            number, factor = number.removesuffix(letter), each
-    try:
-        found = int(float(number or 0) * factor)
-    except (ValueError, OverflowError):
-        found = -1
-    if found < 0:
+    match = _SIZE.fullmatch(text.strip().upper())
+    if text and match is None:
         raise Usage(f"{text!r} is no size; expected e.g. 1000000, 100MB or 2GB")
-    return found
+    return 0 if match is None else int(float(match[1]) * _FACTORS[match[2]])
