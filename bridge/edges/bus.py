@@ -404,8 +404,12 @@ class Bus:
         """Show that somebody is there, until closed; it vanishes with the process too.
 
         With a `last` key the two can be told apart: closing shows that key for the moment in which this one goes.
+        BusError when the key is none or the bus is closed.
         """
-        token = self._session.liveliness().declare_token(key)
+        try:
+            token = self._session.liveliness().declare_token(key)
+        except zenoh.ZError as error:
+            raise BusError(f"cannot show {key!r}: {_reason(error)}") from None
 
         def leave() -> None:
             farewell = self._session.liveliness().declare_token(last)

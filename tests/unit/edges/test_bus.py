@@ -178,3 +178,11 @@ def test_a_deletion_is_no_end() -> None:
         bus.put("t/1", b"later")
         waiting.join(20)
         assert [[arrival.payload for arrival in arrivals] for arrivals in got] == [[b"later"]]
+
+
+def test_nobody_is_there_on_a_closed_bus() -> None:
+    """Showing oneself fails as everything else does then, in our words."""
+    bus = open_bus(ALONE)
+    bus.close()
+    with pytest.raises(BusError, match="cannot show 'l/1'"):
+        bus.alive("l/1")
