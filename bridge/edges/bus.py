@@ -515,7 +515,7 @@ def open_bus(config: BusConfig = LOCAL, *, timeout_s: float = 10.0) -> Bus:
             if time.monotonic() > deadline:
                 raise BusError(f"nobody answers at {', '.join(config.connect)}") from None
         time.sleep(0.05)
-    bus = Bus(session)
+    bus = Bus(session, DISCOVERY_S if config.scouting or config.connect or config.config is not None else 0.0)
     if config.connect:
         while not bus.peers():
             if time.monotonic() > deadline:
