@@ -3,11 +3,14 @@
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import Final
 
 from bridge.config import Settings
 from bridge.core.catalog import Catalog
 from bridge.edges.bus import Bus
 from bridge.logger import EventLogger
+
+FLUSH_S: Final = 0.3
 
 
 class Surroundings:
@@ -46,3 +49,10 @@ class Surroundings:
         """It has left OP."""
         with self._lock:
             self._loggers.pop(logger.target, None)
+
+    def flush(self) -> None:
+        """Wait until what the loggers have sent is on the bus: whoever listens is about to end."""
+        with self._lock:
+            loggers = list(self._loggers.values())
+        for logger in loggers:
+            logger.publisher.flush(FLUSH_S)

@@ -279,6 +279,7 @@ class Recorder(SystemModule):
             self.place.report(ReportKind.BROKEN, code=ADS_E_ERROR, detail=str(recorder.error))
 
     def _close(self, recorder: BusRecorder) -> None:
+        self.around.flush()
         try:
             totals = recorder.close(SETTLE_S)
         except RecordingError as error:
@@ -332,6 +333,7 @@ class Sink(SystemModule):
         except (SyslogAddressError, ValueError) as error:
             raise AdsError(ADS_E_INVALIDPARM, str(error)) from None
         self.enter(sink)
+        self.enter(contextlib.ExitStack()).callback(around.flush)
         threading.Thread(target=sink.run, name=f"sink {self.name}", daemon=True).start()
 
 
@@ -364,6 +366,8 @@ class Listener(SystemModule):
         closing = self.enter(contextlib.ExitStack())
         closing.callback(thread.join, JOIN_S)
         closing.callback(listener.close)
+        closing.callback(listener.settle, SETTLE_S)
+        closing.callback(around.flush)
 
     def _run(self, listener: BusListener, write: Callable[[str], object]) -> None:
         while (item := listener.get()) is not None:
