@@ -10,8 +10,6 @@ order is written.
 """
 
 import logging
-import os
-import platform
 import threading
 import time
 from collections import deque
@@ -22,13 +20,11 @@ from types import TracebackType
 from typing import Final, NamedTuple
 
 from bridge.core import keys
-from bridge.core.filters.ast import Everything, Expr
-from bridge.core.filters.text import to_text
+from bridge.core.filters.ast import Expr
 from bridge.core.times import NS_PER_S
 from bridge.edges.bus import Bus
 from bridge.edges.recording import (
     ACTIVE_SUFFIX,
-    About,
     Attachment,
     Compression,
     RecordingError,
@@ -44,6 +40,7 @@ from bridge.notices import Heard, Item
 from bridge.recorder.arrivals import Arrivals
 from bridge.recorder.capture import Capture, Windows
 from bridge.recorder.choice import Choice
+from bridge.recorder.explained import explained
 from bridge.recorder.files import Files, Split
 from bridge.recorder.news import News, NotRecovered, Recovered, State, Status
 
@@ -109,7 +106,6 @@ class Recorder:
                 log.exception("telling %s", news)
 
         choice = self._choice = Choice(filter, targets, None if capture is None else capture.trigger, resolve_class)
-        more = {} if capture is None or choice.trigger is None else _capture_texts(capture, choice.trigger)
         self.path = path
         self.error: RecordingError | None = None
         self._flush_s = EARLY * flush_s
@@ -122,15 +118,7 @@ class Recorder:
         self._files = Files(
             path,
             choice,
-            about=About(
-                version=version,
-                host=platform.node(),
-                realm=realm,
-                filter="" if isinstance(choice.filter, Everything) else to_text(choice.filter),
-                comment=comment,
-                recording=os.urandom(8).hex(),
-                more=more | ({"targets": ", ".join(targets)} if targets else {}),
-            ),
+            about=explained(choice, capture, targets, realm=realm, comment=comment, version=version),
             attachments=attachments,
             compression=compression,
             sync=fsync,
@@ -400,7 +388,3 @@ class _Output:
 
     def end(self) -> None:
         self._files.end()
-
-
-def _capture_texts(capture: Capture, trigger: Expr) -> dict[str, str]:
-    return {"trigger": to_text(trigger), "before_s": f"{capture.before_s:g}", "after_s": f"{capture.after_s:g}"}

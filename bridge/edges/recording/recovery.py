@@ -79,7 +79,7 @@ def _recover(source: Path, goal: Path, limits: Limits) -> Recovered:
                 name_finished(source, goal)
                 return Recovered(path=goal, messages=messages, lost_bytes=0, damage=None, damaged_path=None)
             name_finished(half_done, goal)
-        except OSError:
+        except BaseException:  # an interruption too: nothing half done stays
             half_done.unlink(missing_ok=True)
             raise
         kept = _set_aside(source, goal, _harmless(source, frames))
