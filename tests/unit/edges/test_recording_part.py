@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 from mcap.records import Channel
+from msgspec.structs import replace
 
 from bridge.core import codec
 from bridge.core.alarms import fold
@@ -189,22 +190,24 @@ def test_damage_in_a_chunk_that_is_needed_is_told(tmp_path: Path) -> None:
 
 
 def test_an_index_that_points_elsewhere_loses_nothing_in_silence(tmp_path: Path) -> None:
-    """Chunks exchanged under an index that is right in itself: the heads tell other times than the index."""
+    """Two chunks of equal length exchanged under an index that is right in itself: their heads tell other times."""
     path = tmp_path / "a.mcap"
-    write_plant(path, compression="none")
-    data = path.read_bytes()
+    with RecordingWriter(path, compression="none") as writer:
+        for number in range(10, 20):
+            record(writer, replace(message(14), seq=number), START + number)
+            writer.flush()
+    data = bytearray(path.read_bytes())
     with open(path, "rb") as file:
         chunks = read_index(file, len(data), lambda channel: True).chunks
-    one, other = chunks[2], chunks[3]
-    moved = bytearray(data)
-    moved[one.offset : one.offset + one.length] = data[other.offset : other.offset + other.length][: one.length].ljust(
-        one.length, b"\0"
-    )
-    path.write_bytes(bytes(moved))
-    with read_events(path, Part(start_ns=START)) as reader:
-        list(reader)
+    one, other = chunks[2], chunks[5]
+    assert one.length == other.length
+    first, second = (bytes(data[place.offset : place.offset + place.length]) for place in (one, other))
+    data[one.offset : one.offset + one.length], data[other.offset : other.offset + other.length] = second, first
+    path.write_bytes(bytes(data))
+    with read_events(path, Part(start_ns=START + 12, end_ns=START + 13)) as reader:
+        assert list(reader) == []
         assert reader.damage is not None
-        assert reader.damage.offset == one.offset
+        assert (reader.damage.offset, reader.damage.torn) == (one.offset, False)
 
 
 @pytest.mark.parametrize("place", [-9, -20, -60, -200, -400])

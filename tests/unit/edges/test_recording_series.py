@@ -106,3 +106,13 @@ def test_events_without_numbers_are_never_taken_for_the_same(tmp_path: Path) -> 
         with RecordingWriter(tmp_path / f"{name}.mcap") as writer:
             record(writer, replace(message(1), seq=0), START + 1)
     assert numbers([tmp_path / "a.mcap", tmp_path / "b.mcap"]) == [1, 1]
+
+
+def test_at_the_same_time_the_file_that_is_named_first_comes_first(tmp_path: Path) -> None:
+    """Also when the other one is open already."""
+    for name, times in (("a", [10, 20]), ("b", [5, 10, 20])):
+        with RecordingWriter(tmp_path / f"{name}.mcap") as writer:
+            for time in times:
+                record(writer, replace(message(1), session=name, seq=time, event_id=ord(name)), START + time)
+    assert bytes(numbers([tmp_path / "a.mcap", tmp_path / "b.mcap"])) == b"babab"
+    assert bytes(numbers([tmp_path / "b.mcap", tmp_path / "a.mcap"])) == b"bbaba"

@@ -179,4 +179,5 @@ def test_places_tell_which_targets_and_classes_may_match() -> None:
     assert many("plc99", EVENT_CLASS)
     assert not many("plc100", EVENT_CLASS)
     assert places(Everything())("any", OTHER_CLASS)
+    assert places((where.target == "plc1") & (where.event_id == 7))("plc1", OTHER_CLASS), "what the key does not decide may be"
     assert not places(Not(Everything()))("any", OTHER_CLASS)
