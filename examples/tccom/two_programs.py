@@ -37,19 +37,27 @@ class Run(NamedTuple):
     def keep_calling(self, reach: Callable[[], AbstractContextManager[T]], call: Callable[[T, int], str]) -> None:
         """Hold an object and call it, saying what it answers. While it is not there, say so once and try again."""
         number, told = 0, ""
-        while not self.stop.is_set():
+
+        def tell(error: AdsError) -> None:
+            nonlocal told
+            if error.name != told:
+                print(f"no answer: {error}", flush=True)
+            told = error.name
+
+        while not self.stop.wait(PAUSE_S):
             try:
                 with reach() as found:
                     while not self.stop.wait(PAUSE_S):
-                        print(call(found, number + 1), flush=True)
+                        try:
+                            print(call(found, number + 1), flush=True)
+                        except AdsError as error:
+                            tell(error)
+                            break
                         number, told = number + 1, ""
                         if number == self.calls:
                             return
             except AdsError as error:
-                if error.name != told:
-                    print(f"no answer: {error}", flush=True)
-                told = error.name
-                self.stop.wait(PAUSE_S)
+                tell(error)
 
 
 def main(provider: Callable[[Run], None], caller: Callable[[Run], None]) -> None:

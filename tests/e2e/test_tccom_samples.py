@@ -164,3 +164,29 @@ def test_start_stop_prints_the_messages_of_the_manual() -> None:
     ]
     times = [row[4] for row in rows]
     assert times == sorted(times)
+
+
+@pytest.mark.slow
+@needs_namespaces
+def test_a_cut_network_is_an_error_and_comes_back(hosts: tuple[Host, Host]) -> None:
+    """Nobody tells that the other host is cut off: the call times out within 2 s; calls work again when the wire is back."""
+    here, there = hosts
+    options = ["--lan", "--scouting-group", f"224.0.0.224:{new_port()}"]
+    with (
+        part("sample01", "provider", *options, host=there) as provider,
+        part("sample01", "caller", "--calls", "0", *options, host=here) as caller,
+    ):
+        assert provider.line() == "ready"
+        while caller.line().startswith("no answer: "):
+            pass
+        there.run("ip", "link", "set", "wire", "down")
+        cut = time.monotonic()
+        while not (line := caller.line()).startswith("no answer: "):
+            assert line
+        assert time.monotonic() - cut < ERROR_S
+        assert "ADS_E_TIMEOUT" in line
+        there.run("ip", "link", "set", "wire", "up")
+        there.run("ip", "route", "add", "224.0.0.0/4", "dev", "wire")
+        while (line := caller.line()).startswith("no answer: "):
+            pass
+        assert line
