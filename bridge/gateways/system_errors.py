@@ -96,11 +96,12 @@ class SystemErrors:
                 self._journal = subprocess.Popen(journal, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
             except OSError as error:
                 raise JournalError(journal[0], error.strerror or str(error)) from None
-            threading.Thread(target=self._read, args=(self._journal,), name="journal", daemon=True).start()
         self._thread = threading.Thread(target=self._run, name="system errors", daemon=True)
         self._thread.start()
         self._tap = _Tap(self._take_record)
         logging.root.addHandler(self._tap)
+        if self._journal is not None:
+            threading.Thread(target=self._read, args=(self._journal,), name="journal", daemon=True).start()
 
     def _take_record(self, record: logging.LogRecord) -> None:
         if record.thread != self._thread.ident:
@@ -114,8 +115,13 @@ class SystemErrors:
                 severity = Severity.ERROR if entry.priority == "3" else Severity.CRITICAL
                 time_us = int(entry.time_us) if entry.time_us.isdecimal() else 0
                 self._take(severity, entry.unit or entry.identifier or "journal", text, time_ns=time_us * 1000)
+        code = journal.wait()
+        if self._tap is not None:
+            self._take(
+                Severity.ERROR, "journal", f"{journal.args!r} ended with {code}: the host's errors are not seen any more"
+            )
 
-    def _take(self, severity: Severity, where: str, text: str, *, time_ns: int) -> None:
+    def _take(self, severity: Severity, where: str, text: str, *, time_ns: int = 0) -> None:
         try:
             self._waiting.put_nowait(_Error(severity, where, " ".join(text.split()), time_ns))
         except Full:
@@ -144,7 +150,10 @@ class SystemErrors:
         self._tap = None
         if self._journal is not None:
             self._journal.terminate()
-            self._journal.wait(timeout_s)
+            try:
+                self._journal.wait(timeout_s)
+            except subprocess.TimeoutExpired:
+                self._journal.kill()
         while True:
             try:
                 self._waiting.put_nowait(None)

@@ -116,6 +116,15 @@ def test_errors_of_the_host_come_from_its_journal(tmp_path: Path) -> None:
     assert sent[0].time_ns == 1_800_000_000_000_000_000
 
 
+def test_a_journal_that_ends_is_told() -> None:
+    """Else no error of the host would look like a host without errors."""
+    with errors_of("host", sys.executable, "-c", "raise SystemExit(3)") as (_, sent):
+        assert eventually(lambda: len(sent) == 1, 30)
+    (what, where) = texts(sent)[0]
+    assert where == "journal"
+    assert what.endswith("ended with 3: the host's errors are not seen any more")
+
+
 def test_a_host_without_a_journal() -> None:
     """Is told at once, by the name of what is missing."""
     with pytest.raises(JournalError, match=r"no-such-program: No such file"), errors_of("host"):
