@@ -104,7 +104,8 @@ class RecordingFolder:
 
     def _found(self) -> dict[Path, int]:
         found = {}
-        for entry in os.scandir(self.path):
-            if _NAME.fullmatch(entry.name) and entry.is_file(follow_symlinks=False):
-                found[self.path / entry.name] = entry.stat(follow_symlinks=False).st_size
+        with os.scandir(self.path) as entries:
+            for entry in entries:
+                if _NAME.fullmatch(entry.name) and entry.is_file(follow_symlinks=False):
+                    found[self.path / entry.name] = entry.stat(follow_symlinks=False).st_size
         return found
