@@ -7,6 +7,7 @@ from cyclopts import Parameter
 
 from bridge.cli.exits import Exit, Usage
 from bridge.cli.options import BASIC, Basic, note
+from bridge.cli.progress import counting
 from bridge.cli.show import print_json
 
 if TYPE_CHECKING:
@@ -49,10 +50,14 @@ def recover(
     for path in paths:
         if to is None and path.suffix != ACTIVE_SUFFIX:
             raise Usage(f"{path.name} was not left behind by a crash; say with --to where what is readable of it goes")
-    lost = [_tell(path, recover_file(path, to), as_json=common.json) for path in paths]
+    lost = False
+    for path in paths:
+        with counting(f"recovering {path.name}") as show:
+            done = recover_file(path, to, on_progress=show)
+        lost |= _tell(path, done, as_json=common.json)
     if not paths:
         note("nothing to recover")
-    return Exit.LOST if any(lost) else Exit.OK
+    return Exit.LOST if lost else Exit.OK
 
 
 def _tell(path: Path, done: "Recovered", *, as_json: bool) -> bool:

@@ -8,6 +8,7 @@ Rule 4: a recovered recording never claims to be complete: what was not flushed 
 """
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO, Final
 
@@ -23,6 +24,7 @@ from bridge.edges.recording.reader import Interpretation
 from bridge.edges.recording.tally import Tally
 from bridge.edges.recording.writer import lock, name_finished
 
+PROGRESS_MESSAGES: Final = 1000
 DAMAGED_SUFFIX: Final = ".damaged"
 _HALF_DONE_SUFFIX: Final = ".recovering"
 _EMPTY_HANDED: Final = (Opcode.MESSAGE_INDEX, Opcode.METADATA, Opcode.DATA_END, Opcode.FOOTER)
@@ -44,9 +46,13 @@ def leftovers(folder: str | os.PathLike[str]) -> list[Path]:
 
 
 def recover(
-    path: str | os.PathLike[str], target: str | os.PathLike[str] | None = None, *, limits: Limits = DEFAULT_LIMITS
+    path: str | os.PathLike[str],
+    target: str | os.PathLike[str] | None = None,
+    *,
+    limits: Limits = DEFAULT_LIMITS,
+    on_progress: Callable[[int], None] = lambda messages: None,
 ) -> Recovered:
-    """Make `name.mcap` of `name.mcap.active`, or `target` of any MCAP file.
+    """Make `name.mcap` of `name.mcap.active`, or `target` of any MCAP file; on_progress hears how many messages are copied.
 
     ValueError without a target for a file that is not active. RecordingError when it is being written, is no MCAP file, the
     target exists, or the disk refuses; then the leftover is as it was.
@@ -60,19 +66,19 @@ def recover(
     try:
         with open(source, "rb") as held:
             lock(held, source)
-            return _finish_earlier(source, goal) if os.path.lexists(goal) else _recover(source, goal, limits)
+            return _finish_earlier(source, goal) if os.path.lexists(goal) else _recover(source, goal, limits, on_progress)
     except RecordingError:
         raise
     except OSError as error:
         raise RecordingError(error.filename or source, error.strerror or str(error)) from error
 
 
-def _recover(source: Path, goal: Path, limits: Limits) -> Recovered:
+def _recover(source: Path, goal: Path, limits: Limits, on_progress: Callable[[int], None]) -> Recovered:
     half_done = goal.with_name(goal.name + _HALF_DONE_SUFFIX)
     with Frames(source) as frames:
         try:
             with open(half_done, "wb") as file:
-                messages = _copied(frames, source, file, limits)
+                messages = _copied(frames, source, file, limits, on_progress)
             size = frames.size
             if frames.damage is None and source.suffix == ACTIVE_SUFFIX:
                 half_done.unlink()
@@ -86,7 +92,7 @@ def _recover(source: Path, goal: Path, limits: Limits) -> Recovered:
         return Recovered(path=goal, messages=messages, lost_bytes=size - frames.end, damage=frames.damage, damaged_path=kept)
 
 
-def _copied(frames: Frames, source: Path, file: BinaryIO, limits: Limits) -> int:
+def _copied(frames: Frames, source: Path, file: BinaryIO, limits: Limits, on_progress: Callable[[int], None]) -> int:
     """Copy what is readable, in file order; the number of messages."""
     tally = Tally()
     interpret = Interpretation(frames, limits, tally)
@@ -113,6 +119,8 @@ def _copied(frames: Frames, source: Path, file: BinaryIO, limits: Limits) -> int
         writer.add_message(known[1], raw.log_time, raw.data, raw.publish_time, raw.sequence)
         interpret(raw)
         messages += 1
+        if messages % PROGRESS_MESSAGES == 0:
+            on_progress(messages)
     _carry_metadata(frames, writer, carried)
     with Frames(source) as again:
         for place in frames.attachments:

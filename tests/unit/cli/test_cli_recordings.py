@@ -306,3 +306,19 @@ def test_an_export_goes_into_a_file_that_is_whole(plant: str, tmp_path: Path, ca
     assert run(["export", plant, "--to", "all.csv"]) == Exit.LOST
     assert "ends before its end" in capsys.readouterr().err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["all.csv", "all.jsonl", "plant.mcap"]
+
+
+@pytest.mark.parametrize("line", ["cut a.mcap new.mcap --start 1", "merge a.mcap b.mcap new.mcap"])
+def test_a_new_recording_has_the_log_for_viewers_when_an_old_one_has(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str
+) -> None:
+    """A line for each event in it, also for those of a file without."""
+    monkeypatch.chdir(tmp_path)
+    catalog = load_catalog([])[0]
+    with RecordingWriter(tmp_path / "a.mcap", viewer=Viewer(lambda event: catalog)) as writer:
+        for number in range(4):
+            record(writer, message(number), START + 1_000_000_000 * number)
+    write(tmp_path / "b.mcap", [message(7), message(8)])
+    assert run(line.split()) == Exit.OK
+    counts = {channel.topic: channel.messages for channel in summary("new.mcap").channels}
+    assert counts["/log"] == summary("new.mcap").totals.events in (3, 6)
