@@ -190,3 +190,11 @@ def test_a_cut_network_is_an_error_and_comes_back(hosts: tuple[Host, Host]) -> N
         while (line := caller.line()).startswith("no answer: "):
             pass
         assert line
+
+
+def test_every_sample_is_listed_with_its_command() -> None:
+    """examples/README.md names each program of the folder that is one."""
+    text = (ROOT / "examples" / "README.md").read_text(encoding="utf-8")
+    programs = {path.stem for path in SAMPLES.glob("*.py") if "__main__" in path.read_text(encoding="utf-8")}
+    assert {name for name in programs if f"python examples/tccom/{name}.py" in text} == programs
+    assert {*SHOWN, "start_stop"} == programs
