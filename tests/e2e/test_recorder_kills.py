@@ -126,7 +126,7 @@ def test_a_recorder_that_is_killed_at_random_moments(
                 recorder.kill()
             noted = array("q", notes.read_bytes())
             assert sum(1 for arrival_ns in noted if arrival_ns) > rate / 20
-            left = leftovers(folder)
+            left = [path for path in leftovers(folder) if not path.with_suffix("").exists()]  # one may have both names
             assert 1 <= len(left) <= 2  # two when it is killed while it finishes one
             new = sorted({*folder.glob("*.mcap"), *left}.difference(*(paths for paths, _ in recorded)))
             readable = [place for path in new for place in places(path)]
