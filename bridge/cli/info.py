@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 from bridge.cli.exits import Exit
 from bridge.cli.options import TEXTS_ONLY, Texts
+from bridge.cli.progress import counting
 from bridge.cli.recordings import known_classes, recordings
 from bridge.cli.show import KIND_WORDS, Cell, View, clean, print_json, print_table, severity_span
 from bridge.core.events import Severity
@@ -52,7 +53,8 @@ def info(
 
     settings = common.load()
     paths = recordings(files)
-    found = sorted(map(summary, paths), key=lambda each: each.totals.first_log_time_ns)
+    with counting("reading") as show:
+        found = sorted((summary(path, on_progress=show) for path in paths), key=lambda each: each.totals.first_log_time_ns)
     absent = missing_parts(found)
     code = Exit.NO if absent or any(each.complete != "yes" for each in found) else Exit.OK
     if common.json:

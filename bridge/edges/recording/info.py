@@ -6,7 +6,7 @@ bytes inside is not complete.
 """
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from io import BytesIO
 from typing import BinaryIO, Final
 
@@ -30,6 +30,7 @@ from bridge.edges.recording.reader import Interpretation
 from bridge.edges.recording.records import HOSTILE, record_body
 from bridge.edges.recording.tally import Tally, Totals
 
+PROGRESS_MESSAGES: Final = 1000
 MAX_PARTS: Final = 10_000
 """How far parts are counted: a number in a file is a claim."""
 
@@ -62,13 +63,20 @@ class RecordingInfo(msgspec.Struct, frozen=True, kw_only=True):
         return self.damage is not None
 
 
-def summary(path: str | os.PathLike[str], *, limits: Limits = DEFAULT_LIMITS) -> RecordingInfo:
+def summary(
+    path: str | os.PathLike[str],
+    *,
+    limits: Limits = DEFAULT_LIMITS,
+    on_progress: Callable[[int], None] = lambda messages: None,
+) -> RecordingInfo:
     """What the recording holds; a file of any size is told in milliseconds when it was finished.
+
+    Else it is read through, and on_progress hears how many messages were read.
 
     RecordingError when it cannot be opened or is no MCAP file.
     """
     try:
-        return _from_summary(path) or scan(path, limits=limits)
+        return _from_summary(path) or scan(path, limits=limits, on_progress=on_progress)
     except RecordingError:
         raise
     except OSError as error:
@@ -89,13 +97,20 @@ def missing_parts(infos: Iterable[RecordingInfo]) -> list[tuple[str, int]]:
     ]
 
 
-def scan(path: str | os.PathLike[str], *, limits: Limits = DEFAULT_LIMITS) -> RecordingInfo:
+def scan(
+    path: str | os.PathLike[str],
+    *,
+    limits: Limits = DEFAULT_LIMITS,
+    on_progress: Callable[[int], None] = lambda messages: None,
+) -> RecordingInfo:
     """The same, by reading and decoding everything."""
     tally = Tally()
     messages: dict[int, int] = {}
     with Frames(path) as frames:
         interpret = Interpretation(frames, limits, tally)
-        for raw in frames.messages():
+        for done, raw in enumerate(frames.messages(), 1):
+            if done % PROGRESS_MESSAGES == 0:
+                on_progress(done)
             messages[raw.channel_id] = messages.get(raw.channel_id, 0) + 1
             interpret(raw)
         metadata = dict(frames.metadata)
