@@ -111,7 +111,7 @@ def test_an_interface_that_changes_needs_a_new_id(change: str) -> None:
         "order": OtherOrder,
         "more": More,
     }
-    with pytest.raises(InterfaceChangedError) as failure:
+    with pytest.raises(InterfaceChangedError, match="an id of its own") as failure:
         interface(iid)(changed[change])
     assert failure.value.expected == describe(IFirst).fingerprint
     known = known_interface(iid)

@@ -75,7 +75,8 @@ def test_holders_are_counted() -> None:
             assert found.get_object_id().value == reference.object_id
             assert server.object_info(reference.object_id).references == 5
         assert [reference.release(), reference.release(), reference.release()] == [3, 2, 1]
-        for call in (reference.release, reference.add_ref, reference.turn, lambda: reference.query(IObject)):
+        calls = (reference.release, reference.add_ref, reference.turn, lambda: reference.query(IObject), reference.__enter__)
+        for call in calls:
             with pytest.raises(AdsError) as failure:
                 call()
             assert failure.value.code == E_POINTER
@@ -299,10 +300,11 @@ def test_a_module_that_does_not_do_what_it_offers_is_refused() -> None:
         assert failure.value.code == E_NOTIMPL
 
 
-def test_connecting_in_ip_is_refused() -> None:
-    """Others may not be there yet (manual 8.1.1.2, IP): the object is not created."""
+@pytest.mark.parametrize("address", [OBJECT_SERVER_ID, "plc2/0x71010000"])
+def test_connecting_in_ip_is_refused(address: int | str) -> None:
+    """Others may not be there yet (manual 8.1.1.2, IP), here or elsewhere: the object is not created."""
     with ObjectServer() as server:
-        module = Scripted(IP=lambda module: module.connect(OBJECT_SERVER_ID, IObjectServer))
+        module = Scripted(IP=lambda module: module.connect(address, IObjectServer))
         with pytest.raises(AdsError) as failure:
             server.add(module, object_id=CREATE_NEW_ID)
         assert failure.value.code == ADS_E_INVALIDSTATE

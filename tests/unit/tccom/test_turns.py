@@ -276,8 +276,8 @@ def test_closing_does_not_wait_for_an_object_that_is_stuck() -> None:
     assert failure.value.code == ADS_E_NOTFOUND
 
 
-def test_the_transient_objects_of_a_dead_owner_are_deleted() -> None:
-    """One that is busy meanwhile does not keep the others alive."""
+def test_the_transient_objects_of_a_dead_owner_are_deleted(caplog: pytest.LogCaptureFixture) -> None:
+    """One that is busy meanwhile does not keep the others alive, and is named in the log."""
     inside, go_on = threading.Event(), threading.Event()
 
     class Slow(Worker):
@@ -295,6 +295,7 @@ def test_the_transient_objects_of_a_dead_owner_are_deleted() -> None:
         assert inside.wait(PATIENCE_S)
         assert server.release_owner("dead") == 3
         assert [one.name for one in server.objects()] == ["ObjectServer", "Slow"]
+        assert "Slow (0x71010001) is not deleted" in caplog.text
         go_on.set()
         busy.join(PATIENCE_S)
 
