@@ -41,7 +41,7 @@ class StartStop(CyclicModule):
         return DONE
 
     def on_os(self) -> None:
-        super().on_os()
+        self.leave_task()
         self.tell(8)
         self.tell(2)
         self.tell(5)
