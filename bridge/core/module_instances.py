@@ -1,7 +1,7 @@
 """Which modules a plant has, and with what: instances in TOML, in the place of TwinCAT's .tmi files.
 
 Rule 1: bytes in, values out. The file is whole or refused: a plant that starts half of what was asked for is no plant. All
-        faults are told at once, each with file, line and what was expected.
+        faults (of references MAX_FAULTS) are told at once, each with file, line and what was expected.
 Rule 2: what can be said without the classes is said here: keys, types, names, ids, references inside the file. Whether a class
         exists and takes its parameters, the host finds out, and says it with Plant.problem().
 Rule 3: a reference is the object id of a module, or its name in this file, or "target/0x71010000" under another target. Ids are
@@ -25,6 +25,7 @@ Rule 3: a reference is the object id of a module, or its name in this file, or "
 import difflib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import islice
 from typing import Annotated, Final, Literal, TypeAlias
 
 import msgspec
@@ -39,6 +40,8 @@ Reference: TypeAlias = int | str
 Key: TypeAlias = int | str
 """The id or the name of a parameter or pointer."""
 
+MAX_FAULTS: Final = 100
+"""So many names, ids and references of one file that cannot be are told; more say nothing new."""
 FIRST_OBJECT_ID: Final = 1
 LAST_OBJECT_ID: Final = 2**32 - 2
 _PLANT_KEYS: Final = ("settings", "modules")
@@ -158,7 +161,7 @@ def read_plant(data: bytes, name: str = "") -> Plant:
             rows.append((index, msgspec.convert({key: table[key] for key in table if key not in unknown}, _Row)))
         except msgspec.ValidationError as error:
             faults.append(toml_text.mistyped(error, path))
-    faults += _row_faults(rows)
+    faults += islice(_row_faults(rows), MAX_FAULTS)
     if not faults:
         instances = tuple(_instance(row) for _, row in rows)
         plant = Plant(instances, settings if isinstance(settings, dict) else {}, name, lines)

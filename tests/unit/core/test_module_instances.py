@@ -174,6 +174,12 @@ def test_all_faults_are_told_at_once() -> None:
     assert [line for line, _ in faults(modules("state = 1", 'parent = "Z"', "", "colour = 1\nobject_id = 0"))] == [4, 8, 16, 17]
 
 
+def test_what_is_wrong_everywhere_is_not_told_for_ever() -> None:
+    """A thousand references to nobody: the first hundred are told."""
+    rows = "".join(f"[[modules]]\nname = 'Pump{number}'\nclass = 'C'\nparent = 'Pmp{number}'\n" for number in range(1000))
+    assert [line for line, _ in faults(rows.encode())] == [4 * number for number in range(1, 101)]
+
+
 def test_a_circle_is_told_by_its_members() -> None:
     """Who waits for whom; a module that only waits for one of them is no part of it."""
     found = faults(modules('parent = "B"', 'needs = ["C"]', 'task = "A"', 'parent = "A"', ""))
