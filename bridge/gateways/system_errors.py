@@ -117,9 +117,7 @@ class SystemErrors:
                 self._take(severity, entry.unit or entry.identifier or "journal", text, time_ns=time_us * 1000)
         code = journal.wait()
         if self._tap is not None:
-            self._take(
-                Severity.ERROR, "journal", f"{journal.args!r} ended with {code}: the host's errors are not seen any more"
-            )
+            self._take(Severity.ERROR, "journal", f"the journal ended with {code}: errors of the host are not seen any more")
 
     def _take(self, severity: Severity, where: str, text: str, *, time_ns: int = 0) -> None:
         try:

@@ -120,9 +120,7 @@ def test_a_journal_that_ends_is_told() -> None:
     """Else no error of the host would look like a host without errors."""
     with errors_of("host", sys.executable, "-c", "raise SystemExit(3)") as (_, sent):
         assert eventually(lambda: len(sent) == 1, 30)
-    (what, where) = texts(sent)[0]
-    assert where == "journal"
-    assert what.endswith("ended with 3: the host's errors are not seen any more")
+    assert texts(sent) == [["the journal ended with 3: errors of the host are not seen any more", "journal"]]
 
 
 def test_a_host_without_a_journal() -> None:
