@@ -52,7 +52,7 @@ def keyboard(player: "Player") -> Iterator[None]:
 
     thread = threading.Thread(target=listen, name="keys", daemon=True)
     try:
-        tty.setcbreak(terminal)
+        tty.setcbreak(terminal, termios.TCSADRAIN)  # a key that was pressed already counts
         thread.start()
         yield
     finally:
@@ -69,7 +69,7 @@ def press(player: "Player", key: str) -> None:
     try:
         match key:
             case " ":
-                (player.resume if player.status()["state"] == "paused" else player.pause)()
+                (player.pause if player.running else player.resume)()
             case "s":
                 player.step()
             case "]" | "[":

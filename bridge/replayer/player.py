@@ -171,6 +171,11 @@ class Player:
         return min(self._pace.now_ns, self._next_ns) if self._goal_ns is None else self._goal_ns
 
     @property
+    def running(self) -> bool:
+        """Whether time goes on, rather than stands still."""
+        return self._pace.running
+
+    @property
     def now_ns(self) -> int:
         """The replay time."""
         with self._news:
