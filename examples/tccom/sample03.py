@@ -36,7 +36,8 @@ def caller(run: Run) -> None:
             )
 
         run.keep_calling(create, call)
-        print(f"left behind: {[each.name for each in there.objects() if each.name == 'Mine']}")
+        if not run.stop.is_set():
+            print(f"left behind: {[each.name for each in there.objects() if each.name == 'Mine']}")
 
 
 if __name__ == "__main__":

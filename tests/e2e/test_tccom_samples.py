@@ -91,6 +91,17 @@ def test_either_half_may_start_first(sample: str, first: str) -> None:
         assert caller.answers() == SHOWN[sample]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("sample", SHOWN)
+@pytest.mark.parametrize("name", ["provider", "caller"])
+def test_sigterm_ends_either_half(sample: str, name: str) -> None:
+    """With exit code 0, also while the other half is not there."""
+    with part(sample, name, "--calls", "0", "--scouting-group", f"224.0.0.224:{new_port()}") as started:
+        assert started.line()
+        started.process.terminate()
+        assert started.process.wait(WAIT_S) == 0
+
+
 def kill_and_restart(sample: str, *options: str, here: Host | None = None, there: Host | None = None) -> float:
     """How long it took until a caller heard that its provider was killed; it has gone on after the provider's restart."""
     with part(sample, "caller", "--calls", "0", *options, host=here) as caller:
