@@ -1,6 +1,7 @@
 """docs/recordings.md is true: its tables name what is in a file, and its programs run."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -36,9 +37,9 @@ def section(title: str) -> str:
     return PAGE.split(f"\n## {title}\n")[1].split("\n## ")[0]
 
 
-def program(language: str) -> str:
-    """The program in that language."""
-    (found,) = re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+def program(language: str, title: str) -> str:
+    """The program in that language under a heading."""
+    (found,) = re.findall(rf"^```{language}\n(.*?)^```$", section(title), re.MULTILINE | re.DOTALL)
     assert isinstance(found, str)
     return found
 
@@ -104,8 +105,8 @@ def test_what_is_attached_is_on_the_page(plant: Path) -> None:
 
 def test_the_python_program_prints_the_events(plant: Path, tmp_path: Path) -> None:
     """All that are JSON, with nothing of ours imported."""
-    assert "import bridge" not in program("python")
-    (tmp_path / "read.py").write_text(program("python"), encoding="utf-8")
+    assert "import bridge" not in program("python", "Reading it in Python")
+    (tmp_path / "read.py").write_text(program("python", "Reading it in Python"), encoding="utf-8")
     done = subprocess.run(
         [sys.executable, "read.py", "plant.mcap"], cwd=tmp_path, check=True, capture_output=True, encoding="utf-8", timeout=60
     )
@@ -116,9 +117,23 @@ def test_the_python_program_prints_the_events(plant: Path, tmp_path: Path) -> No
     assert len(events) == 3
 
 
+def test_the_program_with_this_library_prints_errors_and_what_is_missing(plant: Path, tmp_path: Path) -> None:
+    """Of every file that is named, and the alarms that are left in the end."""
+    (tmp_path / "read.py").write_text(program("python", "Reading it with this library"), encoding="utf-8")
+    environ = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
+    command = [sys.executable, "read.py", "plant.mcap"]
+    done = subprocess.run(command, cwd=tmp_path, env=environ, check=True, capture_output=True, encoding="utf-8", timeout=60)
+    lines = done.stdout.splitlines()
+    errors = [item for item in everything(plant) if isinstance(item, RecordedEvent) and item.event.severity >= Severity.ERROR]
+    assert errors
+    assert [f"{item.log_time_ns} {item.event.kind} {AXIS} {item.event.event_id}" for item in errors] == lines[: len(errors)]
+    assert "7 events are missing: lost" in lines
+    assert lines[-1].startswith("active:")
+
+
 def test_the_javascript_program_prints_the_log(plant: Path, tmp_path: Path, pytestconfig: pytest.Config) -> None:
     """Level, source and text of every line, the losses among them."""
-    (tmp_path / "read.js").write_text(program("js"), encoding="utf-8")
+    (tmp_path / "read.js").write_text(program("js", "Reading it in JavaScript"), encoding="utf-8")
     printed = run_program(modules(pytestconfig), tmp_path / "read.js", plant).splitlines()
     assert len(printed) == 6
     assert printed[2] == "4 plc1 raised: Axis jams"
