@@ -177,10 +177,12 @@ def test_a_name_is_taken_once_per_realm(bus: Bus, machine: Machine) -> None:
 def test_a_program_told_to_stop_answers_before_it_goes(bus: Bus) -> None:
     """close() waits for the answer that is being given."""
     stopped, told = threading.Event(), threading.Event()
+    order: list[str] = []
 
     def carry_out(question: ControlQuestion) -> None:
         told.set()
         assert stopped.wait(10)
+        order.append("done")
 
     control = Control(bus, "night", PLAYER, carry_out, lambda: {"state": "stopping"}, takes=(Stop,))
 
@@ -188,11 +190,13 @@ def test_a_program_told_to_stop_answers_before_it_goes(bus: Bus) -> None:
         assert told.wait(10)
         threading.Timer(0.05, stopped.set).start()
         control.close(10)
+        order.append("closed")
 
     thread = threading.Thread(target=program)
     thread.start()
     assert tell(bus, "night", Stop(), timeout_s=0).status == {"state": "stopping"}
     thread.join()
+    assert order == ["done", "closed"]
 
 
 @pytest.mark.parametrize(
