@@ -5,8 +5,7 @@ from itertools import combinations
 
 from bridge.core.alarms import fold
 from bridge.core.events import AlarmCleared, AlarmDisposed, AlarmRaised, AnyEvent
-from bridge.core.runs import Difference, Life, Run, alarm_differences, message_differences
-from bridge.core.runs import paired
+from bridge.core.runs import Difference, Life, Run, alarm_differences, message_differences, paired
 from bridge.testing.builders import TIME_NS, alarm_cleared, alarm_confirmed, alarm_disposed, alarm_raised, message_sent
 
 S = 1_000_000_000
