@@ -160,9 +160,8 @@ def main() -> None:
             times = {name: statistics.median(seconds) for name, seconds in found.items()}
             for name, seconds in times.items():
                 ratio = seconds / times["bare"]
-                print(
-                    f"call     {seconds * 1e6:8.1f} us {name:6} {options.calls:,} calls from {threads} threads; {ratio:.2f} of bare"
-                )
+                what = f"{name:6} {options.calls:,} calls from {threads} threads"
+                print(f"call     {seconds * 1e6:8.1f} us {what}; {ratio:.2f} of bare")
         begun = time.perf_counter()
         for reference in references:
             reference.safe_release()
