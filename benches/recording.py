@@ -8,6 +8,8 @@ recorder at 20,000 events/s does. "plain" writes the same bytes with the library
 with its reader and one decoder of our structs: no checks of events, times, order or checksums of the file, no counts.
 
     write                  RecordingWriter.add() of bytes that exist        plain: Writer.add_message()
+    write, with texts      the same with what viewers show beside the events
+    convert                convert() of the file without it
     info                   summary()
     read                   read_events() to the end                         plain: make_reader().iter_messages(), decoded
     read 1 % by class      read_events() of one class, 1 % of the events    plain: the same with topics=
@@ -37,6 +39,7 @@ from mcap.writer import Writer
 
 from bridge.core import codec
 from bridge.core.arguments import Argument
+from bridge.core.catalog import Catalog, EventClass, EventEntry
 from bridge.core.events import AlarmCleared, AlarmRaised, AnyEvent, MessageSent, Severity
 from bridge.core.keys import EventKey
 from bridge.edges.recording import (
@@ -45,6 +48,8 @@ from bridge.edges.recording import (
     RecordedEvent,
     RecordingWriter,
     StateFrame,
+    Viewer,
+    convert,
     copy_part,
     read_events,
     standing_at,
@@ -120,8 +125,19 @@ def batches(count: int) -> Iterator[list[tuple[int, AnyEvent, bytes]]]:
 
 def write(folder: Path, count: int) -> tuple[int, float]:
     """Ours. What it takes to make the events is not counted."""
+    return _write(folder / "ours.mcap", count, None)
+
+
+def viewer() -> Viewer:
+    """A text with three arguments for each event."""
+    entries = {number: EventEntry(number, "Moved", Severity.INFO, "Axis {0} moved {1,f} mm of {2}") for number in range(500)}
+    known = Catalog(EventClass(guid, f"Class{number}", "Class", entries) for number, guid in enumerate(CLASSES))
+    return Viewer(lambda event: known, own=known)
+
+
+def _write(path: Path, count: int, eyes: Viewer | None) -> tuple[int, float]:
     spent = 0.0
-    with RecordingWriter(folder / "ours.mcap") as writer:
+    with RecordingWriter(path, viewer=eyes) as writer:
         writer.add_state(StateFrame(realm="live", target="plc1", session="s1", seq=0), START_NS - 1)
         for batch in batches(count):
             began = time.perf_counter()
@@ -216,6 +232,8 @@ def topic() -> str:
 STEPS: dict[str, Callable[[Path, int], tuple[int, float]]] = {
     "write": write,
     "write, plain": write_plain,
+    "write, with texts": lambda folder, count: _write(folder / "texts.mcap", count, viewer()),
+    "convert": lambda folder, count: timed(lambda: convert(folder / "ours.mcap", folder / "converted.mcap", viewer()).events),
     "info": lambda folder, count: timed(lambda: summary(folder / "ours.mcap").totals.events),
     "read": lambda folder, count: timed(lambda: read_ours(folder, Part())),
     "read, plain": lambda folder, count: timed(lambda: read_plain(folder)),
@@ -269,8 +287,9 @@ def main() -> None:
                 assert ours[0] == number, f"{name}: {ours[0]} against {number}"
                 against = f"{seconds / ours[1]:9.2f}x"
             print(f"{name:26}{number:12,}{seconds:10.3f}{number / seconds:12,.0f}{peak:10.0f}{against:>10}", flush=True)
-        sizes = [os.path.getsize(folder / f"{name}.mcap") / given.events for name in ("ours", "plain")]
-        print(f"bytes per event: {sizes[0]:.1f}, plain {sizes[1]:.1f}")
+        names = ("ours", "plain", "texts")
+        sizes = [os.path.getsize(folder / f"{name}.mcap") / given.events for name in names]
+        print(f"bytes per event: {sizes[0]:.1f}, plain {sizes[1]:.1f}, with texts {sizes[2]:.1f}")
 
 
 if __name__ == "__main__":
