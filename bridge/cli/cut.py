@@ -90,7 +90,7 @@ def _copy(sources: list[Path], target: Path, part: "Part", compression: Packing,
 
     settings = common.load()
     viewer = viewer_for([carried(path) for path in sources], settings, common.lang)
-    with counting("written", count_events(sources) if part.is_all else 0) as show:
+    with counting("copying", count_events(sources) if part.is_all else 0) as show:
         report = copy_part(
             sources,
             target,

@@ -72,14 +72,15 @@ def copy_part(
     version: str = "",
     on_progress: Callable[[int], None] | None = None,
 ) -> Copied:
-    """Write a part of the sources as `target`. on_progress is told every 1,000 events how many are written.
+    """Write a part of the sources as `target`. on_progress is told every 1,000 events how many were read for the state at the
+    start, and then how many are written.
 
     RecordingError when a source is no recording, the target exists, or the disk refuses; ValueError when the target's name does
     not end in .mcap. What was written is taken away again when it does not come to its end.
     """
     infos = [summary(source) for source in sources]
     brought = [carried(source) for source in sources]
-    before = standing_at(sources, part.start_ns - 1).frames() if part.start_ns else []
+    before = standing_at(sources, part.start_ns - 1, on_progress=on_progress).frames() if part.start_ns else []
     fills = _fills(infos, part)
     writer = RecordingWriter(
         target,
