@@ -34,9 +34,7 @@ from bridge.core.alarms import Alarm, AlarmKey
 from bridge.core.arguments import Argument, Value
 from bridge.core.catalog import Catalog
 from bridge.core.events import DEFAULT_LIMITS, Event, Limits, MessageSent, Severity, Source
-from bridge.core.filters.ast import UnknownClassError
-from bridge.core.filters.text import FilterSyntaxError
-from bridge.core.hresult import ADS_E_BUSY, ADS_E_INVALIDDATA, ADS_E_INVALIDSTATE, ADS_E_NOMEMORY, S_OK, AdsError
+from bridge.core.hresult import ADS_E_BUSY, ADS_E_INVALIDDATA, ADS_E_INVALIDSTATE, ADS_E_NOMEMORY, S_OK
 from bridge.core.logbook import Changes, Plan
 from bridge.core.own_events import OWN_EVENTS, SOURCE_GONE, own_event
 from bridge.core.questions import (
@@ -45,7 +43,6 @@ from bridge.core.questions import (
     ClearLogQuestion,
     CommandAnswer,
     CommandQuestion,
-    LogPart,
     LogQuestion,
     StatePart,
     Stored,
@@ -54,6 +51,7 @@ from bridge.edges.bus import LOCAL, Bus, BusConfig, Closable, Question, Refusal,
 from bridge.edges.cache import Cache, CacheError, Drop
 from bridge.inbox import Dropped, OnFull
 from bridge.listener import Gap, Listener, Rejected
+from bridge.logger.answers import answer_command, answer_log
 from bridge.logger.book import Book
 from bridge.logger.commands import Commands
 from bridge.logger.housekeeping import CLEAR_LOG, Housekeeping
@@ -323,39 +321,10 @@ class EventLogger(Commands):
             yield Reply(msgspec.json.encode(part))
 
     def _answer_log(self, question: Question) -> Iterator[Reply | Refusal]:
-        try:
-            asked = msgspec.json.decode(question.payload or b"{}", type=LogQuestion)
-            rows = self.book.log(asked)
-        except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-            yield Refusal(f"no question about the log: {error}")
-            return
-        except (FilterSyntaxError, UnknownClassError, keys.KeyFormatError, AdsError) as error:
-            yield Refusal(str(error))
-            return
-        part, events = 0, list[Stored]()
-        for row in rows:
-            if len(events) == PART_ITEMS:
-                yield self._log_part(part, events, last=False)
-                part, events = part + 1, []
-            events.append(row)
-        yield self._log_part(part, events, last=True)
-
-    def _log_part(self, part: int, events: list[Stored], *, last: bool) -> Reply:
-        answer = LogPart(session=self.session, part=part, last=last, events=tuple(events), read_only=bool(self.read_only))
-        return Reply(msgspec.json.encode(answer))
+        return answer_log(question, self.book.log, session=self.session, read_only=bool(self.read_only))
 
     def _answer_command(self, question: Question) -> Iterator[Reply | Refusal]:
-        try:
-            asked = msgspec.json.decode(question.payload, type=CommandQuestion)
-            allowed = keys.parse_verb_key(question.key)[3]
-        except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError, keys.KeyFormatError) as error:
-            yield Refusal(f"no command: {error}")
-            return
-        name = str(asked.command.__struct_config__.tag)
-        if allowed != (name,):
-            yield Refusal(f"{name} was asked on the key of {'/'.join(allowed)}")
-            return
-        yield Reply(msgspec.json.encode(self._do(asked)))
+        return answer_command(question, self._do)
 
     # Following others.
 
