@@ -299,6 +299,11 @@ class Bus:
             self._declared.append(close_once)
         return close_once
 
+    def _remember(self, thread: threading.Thread) -> None:
+        """Keep a thread for close(), and forget those that have ended: who answers comes and goes in a program of months."""
+        with self._lock:
+            self._threads = [each for each in self._threads if each.is_alive()] + [thread]
+
     def sender(self, key: str, encoding: str) -> Sender:
         """Declare a publisher of one key. BusError when the key is none."""
         try:
@@ -377,8 +382,7 @@ class Bus:
         for _ in range(threads):
             thread = threading.Thread(target=serve, name=f"answer {key}", daemon=True)
             thread.start()
-            with self._lock:
-                self._threads.append(thread)
+            self._remember(thread)
         return Closable(self._keep(queryable.undeclare))
 
     @staticmethod
@@ -438,8 +442,7 @@ class Bus:
 
         thread = threading.Thread(target=watch, name=f"watch {expression}", daemon=True)
         thread.start()
-        with self._lock:
-            self._threads.append(thread)
+        self._remember(thread)
         return Closable(self._keep(subscriber.undeclare))
 
     def watch_connection(self, changed: Callable[[bool], None]) -> Closable:
@@ -468,8 +471,7 @@ class Bus:
 
         thread = threading.Thread(target=watch, name="watch connection", daemon=True)
         thread.start()
-        with self._lock:
-            self._threads.append(thread)
+        self._remember(thread)
         return Closable(self._keep(events.undeclare))
 
     def close(self, timeout_s: float = 2.0) -> bool:
