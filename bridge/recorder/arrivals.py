@@ -5,6 +5,7 @@ Rule 2: after the clock was set back, arrivals are moved to the time of a steady
 measured in them, windows and the age of files, does not stand still.
 """
 
+import time
 from collections.abc import Callable
 
 from bridge.clock import SteadyClock
@@ -15,9 +16,9 @@ from bridge.notices import Heard, Item
 class Arrivals:
     """Gives items their times. Not for several threads, apart from now_ns()."""
 
-    def __init__(self, clock: Callable[[], int]) -> None:
-        """clock gives Unix ns and may jump; it is the one that arrivals were read from."""
-        self._clock, self._steady = clock, SteadyClock.of(clock)
+    def __init__(self, clock: Callable[[], int], pace: Callable[[], int] = time.monotonic_ns) -> None:
+        """clock gives Unix ns and may jump; it is the one that arrivals were read from. pace gives ns that do not jump."""
+        self._clock, self._steady = clock, SteadyClock(clock, pace)
         self.last_ns = self._steady()
         """The time of the last item; before the first, that of the start."""
 

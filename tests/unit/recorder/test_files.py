@@ -250,6 +250,29 @@ def test_a_disk_that_takes_long_to_finish_a_file_holds_nothing_up(tmp_path: Path
     assert [numbers(path) for path in recordings(tmp_path)] == [[1], [2]]
 
 
+def test_who_abandons_a_file_waits_for_the_one_before_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was whole, so it gets its name."""
+    abandoned = threading.Event()
+    abandon, finish = RecordingWriter.abandon, RecordingWriter.finish
+
+    def slow(self: RecordingWriter, unknown_tails: Sequence[str] = (), next_file: str = "") -> Path:
+        assert abandoned.wait(60)
+        return finish(self, unknown_tails, next_file)
+
+    def tell(self: RecordingWriter) -> None:
+        abandon(self)
+        abandoned.set()
+
+    monkeypatch.setattr(RecordingWriter, "finish", slow)
+    monkeypatch.setattr(RecordingWriter, "abandon", tell)
+    made = Files(tmp_path, Choice(None), about=About())
+    made.begin(START)
+    made.split(START + S)
+    made.abandon()
+    made.close()
+    assert (len(recordings(tmp_path)), len(list(tmp_path.glob("*.active"))), made.finished) == (1, 1, 1)
+
+
 def test_what_goes_wrong_while_a_file_is_finished_is_raised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """By the next look(); the file stays as an active one."""
 

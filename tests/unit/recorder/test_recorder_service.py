@@ -3,6 +3,7 @@
 import errno
 import os
 import platform
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -22,7 +23,9 @@ from bridge.edges.recording import (
     read_events,
     summary,
 )
-from bridge.recorder import Capture, Finished, News, NotRecovered, Recovered, Split, controlled
+from bridge.notices import Item
+from bridge.recorder import Capture, Finished, News, NotRecovered, Recovered, Split, controlled, service
+from bridge.recorder.files import Files
 from tests.e2e.fault_stories import eventually
 from tests.unit.recorder.recorder_stories import CLASS, OTHER
 
@@ -89,6 +92,27 @@ def test_a_pause_is_a_gap_with_a_keyframe_behind_it(bus: Bus, tmp_path: Path) ->
     assert isinstance(frame, RecordedState)
     assert [alarm.event_id for alarm in frame.state.alarms] == [2]
     assert summary(path).complete == "no"
+
+
+def test_what_came_before_an_order_is_dealt_with_before_it(bus: Bus, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also by a recorder that is behind: ten events wait when it is told to pause, and all are recorded."""
+    goes_on = threading.Event()
+    write = Files.write
+
+    def behind(self: Files, item: Item, at_ns: int) -> None:
+        assert goes_on.wait(60)
+        write(self, item, at_ns)
+
+    monkeypatch.setattr(service, "BATCH", 2)
+    monkeypatch.setattr(Files, "write", behind)
+    with Publisher(bus, "plc1") as publisher, Recorder(bus, tmp_path) as recorder:
+        send(publisher, recorder, *range(10))
+        pause = threading.Thread(target=recorder.pause)
+        pause.start()
+        assert eventually(lambda: bool(recorder._orders))
+        goes_on.set()
+        pause.join(60)
+        assert (recorder.status.state, recorder.status.events) == ("paused", 10)
 
 
 def test_a_recorder_is_told_to_split_over_the_bus(bus: Bus, tmp_path: Path) -> None:
