@@ -104,6 +104,27 @@ def test_a_source_that_is_killed_leaves_suspect_alarms(bus_config: BusConfig, bu
         assert shown(bus_config) == {0: False, 1: False, 2: False}
 
 
+def test_who_watches_the_alarms_sees_the_mark(bus_config: BusConfig, bus: Bus, tmp_path: Path) -> None:
+    """`tcbridge alarms --watch` shows an alarm anew when it becomes suspect, although no event says so."""
+    where = ("--target", "plc1", "--scouting-group", bus_config.scouting_group)
+    with (
+        serving(bus_config, tmp_path / "plc1.db"),
+        program("alarms", "--watch", "--json", *where) as watch,
+        program(bus_config.scouting_group, code=RAISE_THREE) as source,
+    ):
+        assert source.line() == "raised"
+        shown: dict[int, bool] = {}
+        while set(shown) < {0, 1}:
+            alarm = json.loads(watch.line())
+            shown[alarm.get("event_id", -1)] = alarm.get("suspect", False)
+        assert not any(shown.values())
+        source.kill()
+        marked: set[int] = set()
+        while marked < {0, 1}:
+            alarm = json.loads(watch.line())
+            marked |= {alarm["event_id"]} if alarm.get("suspect") else set()
+
+
 def test_a_source_that_leaves_leaves_its_alarms_as_they_are(bus_config: BusConfig, bus: Bus, tmp_path: Path) -> None:
     """A proxy that is closed has said what it had to say. One that is killed beside it has not."""
     with (
