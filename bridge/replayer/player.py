@@ -209,7 +209,8 @@ class Player:
                 self._stage.flush()
             state = "ended"
         except Exception as error:  # noqa: BLE001 - close() raises it
-            self.error = error
+            if not self._stopped:  # else the bus was taken away from a send that waited for it
+                self.error = error
         finally:
             with self._news:
                 self._state = state

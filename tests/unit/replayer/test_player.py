@@ -1,5 +1,6 @@
 """A recording on the bus: at its pace, from any place, told what to do, and with the state that it had there."""
 
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,7 +18,9 @@ from bridge.edges.bus import ALONE, Bus
 from bridge.edges.recording import Gap, RecordingError
 from bridge.listener import LoggerGone
 from bridge.logger import Mirror, TargetTakenError
+from bridge.publisher import PublisherClosedError
 from bridge.replayer import LoggerThereError, Player, RemapError
+from bridge.replayer.stage import Stage
 from bridge.testing.builders import EVENT_CLASS, TARGET, alarm_raised, message_sent
 from tests.unit.replayer.player_stories import (
     SESSION,
@@ -403,3 +406,36 @@ def test_events_without_a_time_get_the_replay_time(bus: Bus, path: Path) -> None
         with Player(bus, [path], realm="r", wait_for_listener_s=30, clock_s=clock, wait=clock.wait) as player:
             assert player.wait(30)
         assert [event.time_ns for event in in_order(listener.take(2))] == [START_NS, START_NS + NS_PER_S]
+
+
+def test_a_replay_that_waits_for_the_bus_ends_when_told(bus: Bus, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its send is given up with the publisher; that is no error of the replay."""
+    night(path)
+    waiting, given_up = threading.Event(), threading.Event()
+
+    def send(_stage: Stage, _event: AnyEvent) -> None:
+        waiting.set()
+        assert given_up.wait(30)
+        raise PublisherClosedError("closed while waiting")
+
+    monkeypatch.setattr(Stage, "send", send)
+    player = Player(bus, [path], rate=0)
+    assert waiting.wait(30)
+    player.stop()
+    given_up.set()
+    assert player.close().events == 0
+
+
+def test_what_goes_wrong_while_playing_is_raised_at_the_end(bus: Bus, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And the status says that it failed."""
+    night(path)
+
+    def send(_stage: Stage, _event: AnyEvent) -> None:
+        raise PublisherClosedError("somebody else closed it")
+
+    monkeypatch.setattr(Stage, "send", send)
+    player = Player(bus, [path], rate=0)
+    assert player.wait(30)
+    assert player.status()["state"] == "failed"
+    with pytest.raises(PublisherClosedError):
+        player.close()
