@@ -3,9 +3,13 @@
 Rule 1: first every module is created (PREOP), then each is brought to its state, whoever is needed before whoever needs. So
 interface pointers may form circles.
 Rule 2: a module that fails stays where it got to and is told about. Those that need it are not brought further; the others are.
-Rule 3: closing takes the youngest down first, so the loggers last, by force, and never hangs.
+Rule 3: closing takes the youngest down first, so the loggers last, by force. A module that does not end in time is told about
+and left behind: the recordings and the logs of the others are finished all the same.
 """
 
+import contextlib
+import threading
+import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from types import TracebackType
@@ -28,6 +32,12 @@ from bridge.tccom.server import ObjectServer
 from bridge.tccom.service import ObjectService
 from bridge.tccom.states import State
 
+DOWN_S: Final = 0.7
+"""What taking down the modules of others may take, all together."""
+LEAST_S: Final = 0.05
+"""What each of them gets even so."""
+SYSTEM_S: Final = 1.5
+"""What one of ours may take."""
 ACCESS: Final[dict[ModulesAccess, frozenset[Access]]] = {
     "none": frozenset(),
     "read": frozenset({Access.READ}),
@@ -61,6 +71,7 @@ class Host:
             around.on_logger = self.news.flush
             remote = opened.enter_context(RemoteTargets(around.bus, realm=around.settings.realm))
             self.server = opened.enter_context(ObjectServer(factories=factories, report=self.news.report, remote=remote))
+            opened.callback(self._take_down)
             self._service = opened.enter_context(
                 ObjectService(
                     self.server,
@@ -125,6 +136,22 @@ class Host:
     def _failed(self, each: Planned, why: str) -> None:
         self._down.add(each.object_id)
         self.news.not_started(each.object_id, each.name, why)
+
+    def _take_down(self) -> None:
+        """Take the modules down, the youngest first, each on a thread that may be left behind."""
+        left_s = DOWN_S
+        for each in reversed(self.plan.modules):
+            begun_s = time.monotonic()
+            thread = threading.Thread(target=self._delete, args=(each.object_id,), name=f"end {each.name}", daemon=True)
+            thread.start()
+            thread.join(SYSTEM_S if each.rank < USER_RANK else max(LEAST_S, left_s))
+            if thread.is_alive():
+                self.news.not_ended(each.object_id, each.name)
+            left_s -= time.monotonic() - begun_s
+
+    def _delete(self, object_id: ObjectId) -> None:
+        with contextlib.suppress(AdsError):  # what fails is reported, and what is not there needs no end
+            self.server.delete(object_id, force=True)
 
     def not_up(self) -> tuple[str, ...]:
         """The names of the modules that are not in the state that the plan wants."""

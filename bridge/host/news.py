@@ -16,7 +16,7 @@ from typing import Final
 import msgspec
 
 from bridge.core.events import MessageSent
-from bridge.core.hresult import name_of
+from bridge.core.hresult import ADS_E_TIMEOUT, name_of
 from bridge.core.own_events import (
     CYCLE_FAILED,
     CYCLE_RECOVERED,
@@ -74,6 +74,10 @@ class News:
     def not_started(self, object_id: ObjectId, name: str, why: str) -> None:
         """A module was left where it is."""
         self._tell(object_id, name, MODULE_NOT_STARTED, (why,))
+
+    def not_ended(self, object_id: ObjectId, name: str) -> None:
+        """A module did not end in time."""
+        self._tell(object_id, name, MODULE_BROKEN, (name_of(ADS_E_TIMEOUT), "it does not end and is left behind"))
 
     def _tell(self, object_id: ObjectId, name: str, event_id: int, arguments: tuple[int | str, ...]) -> None:
         event = msgspec.structs.replace(

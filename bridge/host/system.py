@@ -8,7 +8,7 @@ Rule 3: their ids are fixed: the first of each kind has the one of its row in KI
 import contextlib
 import threading
 from collections.abc import Callable
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 import msgspec
 
@@ -47,7 +47,7 @@ from bridge.tccom.identity import (
     FIRST_RECORDER_ID,
     ObjectId,
 )
-from bridge.tccom.interfaces import DONE, Answer
+from bridge.tccom.interfaces import DONE, Answer, interface
 from bridge.tccom.module import Module
 from bridge.tccom.reports import ReportKind
 from bridge.texts import Texts
@@ -221,7 +221,29 @@ def _alarm_key(logger: EventLogger, event_class: str, event_id: int, object_id: 
     return AlarmKey(logger.target, guid(event_class), event_id, source.id, source.name, source.guid)
 
 
-class Recorder(SystemModule):
+class RecorderInfo(msgspec.Struct, frozen=True, kw_only=True):
+    """How a recorder stands."""
+
+    state: str
+    file: str
+    files: int
+    events: int
+    gaps: int
+    missing: int
+
+
+@interface("5c3a6d0e-6f0b-4d0c-9a43-2f1de0a7c002")
+class IRecorder(Protocol):
+    """What a recorder may be told while it records."""
+
+    def pause(self) -> Answer[None]: ...
+    def resume(self) -> Answer[None]: ...
+    def split(self) -> Answer[None]: ...
+    def capture(self, why: str = "asked for") -> Answer[None]: ...
+    def recorder_info(self) -> Answer[RecorderInfo]: ...
+
+
+class Recorder(SystemModule, IRecorder):
     """The bus in files."""
 
     class_id = "5c3a6d0e-6f0b-4d0c-9a43-2f1de0a7b102"
@@ -238,6 +260,8 @@ class Recorder(SystemModule):
     after = Parameter(0xA, float, default=30.0, comment="seconds after a trigger")
     compression: Parameter[Compression] = Parameter(0xB, Compression, default="zstd")  # type: ignore[arg-type]
     comment = Parameter(0xC, str, default="", comment="a text in the file")
+
+    recorder: BusRecorder | None = None
 
     def on_ip(self) -> None:
         """Refuse filters that are none."""
@@ -270,6 +294,7 @@ class Recorder(SystemModule):
             raise AdsError(ADS_E_INVALIDPARM, str(error)) from None
         except RecordingError as error:
             raise AdsError(ADS_E_ERROR, str(error)) from None
+        self.recorder = recorder
         self.enter(contextlib.ExitStack()).callback(self._close, recorder)
         threading.Thread(target=self._watch, args=(recorder,), name=f"watch {self.name}", daemon=True).start()
 
@@ -279,6 +304,7 @@ class Recorder(SystemModule):
             self.place.report(ReportKind.BROKEN, code=ADS_E_ERROR, detail=str(recorder.error))
 
     def _close(self, recorder: BusRecorder) -> None:
+        self.recorder = None
         self.around.flush()
         try:
             totals = recorder.close(SETTLE_S)
@@ -288,6 +314,38 @@ class Recorder(SystemModule):
         if totals.complete != "yes":
             self.around.lost += totals.gap_events or 1
             self.around.told(f"{self.name}: the recording is not complete: {totals.complete}")
+
+    # IRecorder.
+
+    def pause(self) -> Answer[None]:
+        return self._told(BusRecorder.pause)
+
+    def resume(self) -> Answer[None]:
+        return self._told(BusRecorder.resume)
+
+    def split(self) -> Answer[None]:
+        return self._told(BusRecorder.split)
+
+    def capture(self, why: str = "asked for") -> Answer[None]:
+        return self._told(lambda recorder: recorder.trigger(why))
+
+    def recorder_info(self) -> Answer[RecorderInfo]:
+        status = self._recording().status
+        return Answer(msgspec.convert(status, RecorderInfo, from_attributes=True))
+
+    def _told(self, order: Callable[[BusRecorder], object]) -> Answer[None]:
+        try:
+            order(self._recording())
+        except ValueError as error:
+            raise AdsError(ADS_E_INVALIDPARM, str(error)) from None
+        except RecordingError as error:
+            raise AdsError(ADS_E_INVALIDSTATE, str(error)) from None
+        return DONE
+
+    def _recording(self) -> BusRecorder:
+        if self.recorder is None:
+            raise AdsError(ADS_E_INVALIDSTATE, f"{self.name} is in {self.state.name}")
+        return self.recorder
 
 
 class Sink(SystemModule):

@@ -287,6 +287,7 @@ class RemoteObject:
         self._offers: tuple[InterfaceId, ...] = () if held is None else held.interfaces
         self._count = 0
         self._lock = threading.Lock()
+        self._holding = threading.Lock()
 
     def __str__(self) -> str:
         return f"{self._target.target}/{id_text(self.object_id)}"
@@ -344,8 +345,9 @@ class RemoteObject:
         encoded = _encoded(method.name, arguments)
         access = access_of(info.id, method.name)
         for _ in range(2):
-            if self._session != self._target.session(0.0):
-                self.hold(info)
+            with self._holding:
+                if self._session != self._target.session(0.0):
+                    self.hold(info)
             question = Call(
                 id=new_id(),
                 owner=self._target.owner,

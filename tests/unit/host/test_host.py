@@ -2,6 +2,8 @@
 
 import contextlib
 import json
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,12 +13,13 @@ from bridge.config import Settings
 from bridge.core.builtin import builtin_catalog
 from bridge.core.catalog import Catalog
 from bridge.core.events import MessageSent, Severity
-from bridge.core.hresult import S_FALSE
+from bridge.core.hresult import ADS_E_INVALIDPARM, ADS_E_INVALIDSTATE, S_FALSE, AdsError
 from bridge.core.module_instances import read_plant
 from bridge.core.own_events import OWN_CLASS, OWN_EVENTS
 from bridge.edges.bus import ALONE, Bus, open_bus
-from bridge.edges.recording import RecordedEvent, read_events
+from bridge.edges.recording import RecordedEvent, read_events, summary
 from bridge.host import Host, IEventLog, Surroundings, make_plan
+from bridge.host.system import IRecorder
 from bridge.listener import Listener
 from bridge.tccom import InterfacePointer, Module, Parameter, State
 from bridge.tccom.factories import Factories
@@ -104,7 +107,7 @@ class Running:
         self.told: list[MessageSent] = []
         self.folder = folder
         factories = Factories(installed=False)
-        factories.register(Fragile, Simple)
+        factories.register(Fragile, Simple, Stuck)
         plan = make_plan(read_plant(text.encode(), "plant.toml"), factories)
         self.around = Surroundings(bus, settings, builtin_catalog().merged((OWN_EVENTS,)), folder=folder)
         self.host = Host(plan, self.around, factories, told=self.told.append)
@@ -227,3 +230,45 @@ parameters = { path = "x.mcap", filter = "severity >" }
         assert "has a logger already" in plant.steps("Twin")[-1]
         assert "ADS_E_INVALIDPARM" in plant.steps("Rec")[-1]
         assert plant.host.not_up() == ("Twin", "Rec")
+
+
+class Stuck(Module):
+    """Does not end."""
+
+    class_id = "7a1f5a0e-1111-4c60-8f0e-1d1d1d1d1023"
+    let_go = threading.Event()
+
+    def on_os(self) -> None:
+        self.let_go.wait(30)
+
+
+def test_a_module_that_does_not_end_is_left_behind(tmp_path: Path) -> None:
+    """It is told about; the recording is finished, the log is closed, and all that within 3 s."""
+    Stuck.let_go.clear()
+    with running(tmp_path, PLANT.replace(USER, 'class = "Stuck"').format(own=OWN_CLASS)) as plant:
+        begun = time.monotonic()
+        plant.host.close()
+        assert time.monotonic() - begun < 3.0
+    Stuck.let_go.set()
+    assert plant.steps("User")[-1] == "User does not work any more: ADS_E_TIMEOUT: it does not end and is left behind"
+    assert summary(tmp_path / "rec.mcap").complete == "yes"
+    assert plant.steps("Log")[-1] == "Log: PI done in 0 ms, now INIT"
+
+
+def test_a_recorder_of_a_plant_is_told_things_by_calls(tmp_path: Path) -> None:
+    """As 'tcbridge control' tells one that is a program of its own; what makes no sense is refused."""
+    text = '[[modules]]\nname = "Rec"\nclass = "Recorder"\nparameters = { path = "night" }\n'
+    with running(tmp_path, text) as plant, plant.host.server.get(0x71000200, IRecorder) as recorder:
+        recorder.pause()
+        assert recorder.recorder_info().value.state == "paused"
+        recorder.resume()
+        recorder.split()
+        assert recorder.recorder_info().value.file.endswith("-000002.mcap")
+        with pytest.raises(AdsError) as raised:
+            recorder.capture()
+        assert raised.value.code == ADS_E_INVALIDPARM
+        plant.host.server.set_state(0x71000200, State.PREOP)
+        with pytest.raises(AdsError) as raised:
+            recorder.split()
+        assert raised.value.code == ADS_E_INVALIDSTATE
+    assert len(list((tmp_path / "night").glob("*.mcap"))) == 2

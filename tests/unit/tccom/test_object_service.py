@@ -287,6 +287,35 @@ def test_what_a_dead_caller_held_is_released(plant: Plant, bus_config: BusConfig
         service.close()
 
 
+def test_a_service_that_ends_releases_what_others_held(plant: Plant, remote: RemoteObjects) -> None:
+    """The object server may go on without it; nobody could ever let go of them."""
+    reference = remote.get(ID, IPump)
+    assert plant.server.object_info(ID).references == 2
+    plant.service.close()
+    assert plant.server.object_info(ID).references == 1
+    assert code_of(lambda: reference.interface.start(1)) in (ADS_E_NOTFOUND, ADS_E_TIMEOUT)
+
+
+def test_many_threads_hold_an_object_anew_once(plant: Plant, remote: RemoteObjects) -> None:
+    """One handle per reference, however many of its calls come at the same time."""
+    with remote.get(ID, IPump) as pump:
+        plant.close()
+        with contextlib.closing(Plant(plant.bus)) as again:
+            start = threading.Barrier(8)
+
+            def work() -> None:
+                start.wait(30)
+                assert eventually(lambda: code_of(lambda: pump.start(1)) == 0)
+
+            threads = [threading.Thread(target=work) for _ in range(8)]
+            for thread in threads:
+                thread.start()
+            for thread in threads:
+                thread.join(60)
+            assert again.pump.started >= 8
+            assert again.server.object_info(ID).references == 2
+
+
 def test_who_shows_no_token_holds_nothing(plant: Plant) -> None:
     """Nobody would notice its death."""
     before = plant.server.object_info(ID).references
