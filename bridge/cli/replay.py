@@ -271,7 +271,7 @@ def _tell(report: "ReplayReport", verb: str, *, where: str = "", as_json: bool) 
     else:
         words = [f"{verb} {report.events:,} events{f' {where}' if where else ''}"]
         words += [f"{report.filtered_out:,} not taken by the filter"] if report.filtered_out else []
-        words += [f"{report.keyframes:,} keyframes"] if report.keyframes else []
+        words += [f"{report.keyframes:,} keyframe{'s' if report.keyframes > 1 else ''}"] if report.keyframes else []
         print(", ".join(words))
     lost = {
         f"{report.missing:,} events are missing in {report.gaps:,} gaps": report.gaps,
