@@ -360,6 +360,8 @@ class Sink(SystemModule):
     target = Parameter(0x5, str, default="", comment="default: every target")
     facility = Parameter(0x6, str, default="user")
 
+    failing = False
+
     def on_ip(self) -> None:
         """Refuse a filter that is none."""
         self.filter_of(self.filter)
@@ -384,15 +386,29 @@ class Sink(SystemModule):
                 target=self.target or None,
                 texts=texts,
                 resolve_class=around.catalog.guids,
-                on_trouble=lambda text: self.place.report(ReportKind.BROKEN, code=ADS_E_ERROR, detail=text),
+                on_trouble=self._trouble,
             )
         except KeyError:
             raise AdsError(ADS_E_INVALIDPARM, f"severity {self.severity!r}") from None
         except (SyslogAddressError, ValueError) as error:
             raise AdsError(ADS_E_INVALIDPARM, str(error)) from None
+        self.enter(contextlib.ExitStack()).callback(self._count, sink)
         self.enter(sink)
         self.enter(contextlib.ExitStack()).callback(around.flush)
         threading.Thread(target=sink.run, name=f"sink {self.name}", daemon=True).start()
+
+    def _trouble(self, text: str) -> None:
+        """The sink tells the first line of a row that failed, and the first that got through again, in turns."""
+        self.failing = not self.failing
+        if self.failing:
+            self.place.report(ReportKind.BROKEN, code=ADS_E_ERROR, detail=text)
+        else:
+            self.around.told(f"{self.name}: {text}")
+
+    def _count(self, sink: SyslogSink) -> None:
+        if unwritten := sink.counters.failed + sink.counters.left:
+            self.around.lost += unwritten
+            self.around.told(f"{self.name}: {unwritten:,} lines were not written")
 
 
 class Listener(SystemModule):

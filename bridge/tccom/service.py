@@ -32,6 +32,7 @@ from bridge.core import keys
 from bridge.core.hresult import (
     ADS_E_ACCESSDENIED,
     ADS_E_BUSY,
+    ADS_E_EXCEPTION,
     ADS_E_INCOMPATIBLE,
     ADS_E_INVALIDDATA,
     ADS_E_INVALIDPARM,
@@ -172,6 +173,10 @@ class ObjectService:
             return self._value(question)
         except AdsError as error:
             return self._refused(error)
+        except Exception as error:
+            # Whatever it is, the caller is told, and told the same when it asks again.
+            log.exception("carrying out %s", type(question).__name__)
+            return self._refused(AdsError(ADS_E_EXCEPTION, f"{type(error).__name__}: {error}"))
 
     def _refused(self, error: AdsError) -> bytes:
         return msgspec.msgpack.encode(CallAnswer(session=self.session, result=error.code, detail=error.detail))

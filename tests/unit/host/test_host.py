@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -24,6 +25,7 @@ from bridge.listener import Listener
 from bridge.tccom import InterfacePointer, Module, Parameter, State
 from bridge.tccom.factories import Factories
 from bridge.tccom.states import Transition
+from tests.e2e.fault_stories import eventually
 
 TEXTS = Catalog([OWN_EVENTS])
 CLASS = "54cc5482-ad79-4cdc-8c3e-b3983b36ed66"
@@ -105,11 +107,14 @@ class Running:
 
     def __init__(self, bus: Bus, folder: Path, text: str, settings: Settings) -> None:
         self.told: list[MessageSent] = []
+        self.lines: list[str] = []
         self.folder = folder
         factories = Factories(installed=False)
         factories.register(Fragile, Simple, Stuck)
         plan = make_plan(read_plant(text.encode(), "plant.toml"), factories)
-        self.around = Surroundings(bus, settings, builtin_catalog().merged((OWN_EVENTS,)), folder=folder)
+        self.around = Surroundings(
+            bus, settings, builtin_catalog().merged((OWN_EVENTS,)), folder=folder, told=self.lines.append
+        )
         self.host = Host(plan, self.around, factories, told=self.told.append)
         self.host.start()
 
@@ -272,3 +277,29 @@ def test_a_recorder_of_a_plant_is_told_things_by_calls(tmp_path: Path) -> None:
             recorder.split()
         assert raised.value.code == ADS_E_INVALIDSTATE
     assert len(list((tmp_path / "night").glob("*.mcap"))) == 2
+
+
+def test_a_sink_that_cannot_write_says_so_and_when_it_can_again(tmp_path: Path) -> None:
+    """As an event, once; what was not written counts at the end."""
+    address = tmp_path / "log"
+    text = f'''
+[[modules]]
+name = "Log"
+class = "Logger"
+[[modules]]
+name = "Syslog"
+class = "Sink"
+parameters = {{ types = "messages", address = "{address}" }}
+'''
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as system_log, running(tmp_path, text) as plant:
+        logger = plant.around.logger()
+        assert logger is not None
+        assert eventually(lambda: any(event.event_id == 14 for event in plant.told))
+        system_log.bind(str(address))
+        system_log.settimeout(30)
+        logger.send_message(CLASS, 1, Severity.INFO)
+        assert system_log.recv(4096)
+        assert eventually(lambda: any("can be written to again" in line for line in plant.lines))
+    assert [event.event_id for event in plant.told].count(14) == 1
+    assert plant.around.lost > 0
+    assert "lines were not written" in plant.lines[-1]

@@ -1,5 +1,6 @@
 """Stories of a plant file that meets the classes there are: every fault before the start, ids, order."""
 
+from pathlib import Path
 from typing import Protocol
 
 import pytest
@@ -117,6 +118,13 @@ def test_references_become_ids() -> None:
     }
     assert found["Mix"].needs == (0x02010010, 0x71010002)
     assert (found["Level"].parent_id, found["Level"].needs) == (0x71010000, (0x71010000,))
+
+
+def test_the_plant_in_the_documentation_is_one() -> None:
+    """That of `tcbridge run`."""
+    page = (Path(__file__).parents[3] / "docs" / "commands.md").read_text(encoding="utf-8")
+    block = page.partition("## run\n")[2].partition("```toml\n")[2].partition("```")[0]
+    assert [each.name for each in plan(block).modules] == ["Log", "Night", "Errors"]
 
 
 FAULTS = [
