@@ -211,14 +211,11 @@ def _tell(news: "News", *, as_json: bool) -> None:
 
 
 def _attachments(settings: Settings, loaded: Loaded) -> "list[Attachment]":
-    from bridge.edges.class_files import class_files
     from bridge.edges.recording import Attachment
+    from bridge.recorder.attached import attached_classes
 
     rows = {name: {"value": value, "from": origin} for name, value, origin in loaded.rows()}
     return [
         Attachment(SETTINGS_ATTACHMENT, msgspec.json.format(msgspec.json.encode(rows)), "application/json"),
-        *(
-            Attachment(file.name, file.read_bytes(), f"application/{'toml' if file.suffix.lower() == '.toml' else 'xml'}")
-            for file in class_files(settings.classes)
-        ),
+        *attached_classes(settings.classes),
     ]

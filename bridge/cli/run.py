@@ -65,7 +65,7 @@ def run(
     known = catalog(settings)
     not_up: tuple[str, ...] = ()
     with open_bus(settings) as bus:
-        around = Surroundings(bus, settings, known, folder=plant.parent, told=note)
+        around = Surroundings(bus, settings, known, folder=plant.parent, plant=plant, told=note)
         try:
             with Host(plan, around, factories, told=_teller(common.json)) as host:
                 host.start()

@@ -23,10 +23,12 @@ class Surroundings:
         catalog: Catalog,
         *,
         folder: Path = Path(),
+        plant: Path | None = None,
         told: Callable[[str], None] = lambda _: None,
     ) -> None:
-        """folder: where relative paths of the plant start; told hears what a person should know."""
-        self.bus, self.settings, self.catalog, self.folder, self.told = bus, settings, catalog, folder, told
+        """folder: where relative paths of the plant start; plant: its file; told hears what a person should know."""
+        self.bus, self.settings, self.catalog, self.told = bus, settings, catalog, told
+        self.folder, self.plant = folder, plant
         self.lost = 0
         """Events that closing could not send or write."""
         self._loggers: dict[str, EventLogger] = {}

@@ -28,7 +28,7 @@ from bridge.core.hresult import (
     AdsError,
 )
 from bridge.edges.cache import Cache, CacheError
-from bridge.edges.recording import Compression, RecordingError, Viewer
+from bridge.edges.recording import Attachment, Compression, RecordingError, Viewer
 from bridge.gateways.syslog_sink import SyslogAddressError, SyslogSettings, SyslogSink
 from bridge.gateways.system_errors import JournalError
 from bridge.gateways.system_errors import SystemErrors as Errors
@@ -39,6 +39,7 @@ from bridge.logger import EventLogger
 from bridge.logger.service import TargetTakenError
 from bridge.recorder import Capture, Keep, Split
 from bridge.recorder import Recorder as BusRecorder
+from bridge.recorder.attached import attached_classes
 from bridge.tccom.declarations import Parameter
 from bridge.tccom.identity import (
     FIRST_GATEWAY_ID,
@@ -56,6 +57,8 @@ CLOSE_S: Final = 1.0
 """What closing a logger may take, so that a plant ends within 3 s of a signal."""
 SETTLE_S: Final = 0.5
 JOIN_S: Final = 1.0
+PLANT_ATTACHMENT: Final = "tcbridge.plant"
+"""The file of the plant, in its recordings. Its name does not end as that of a class file: readers would take it for one."""
 
 
 class SystemModule(Module):
@@ -287,16 +290,21 @@ class Recorder(SystemModule, IRecorder):
                 keep=Keep(files=self.keep_files, size_bytes=self.keep_size),
                 compression=self.compression,
                 comment=self.comment,
+                attachments=[*attached_classes(settings.classes), *self._plant_file()],
                 viewer=Viewer(texts.known, settings.lang, around.catalog),
                 told=lambda news: around.told(f"{self.name}: {news}"),
             )
         except ValueError as error:
             raise AdsError(ADS_E_INVALIDPARM, str(error)) from None
-        except RecordingError as error:
+        except (RecordingError, OSError) as error:
             raise AdsError(ADS_E_ERROR, str(error)) from None
         self.recorder = recorder
         self.enter(contextlib.ExitStack()).callback(self._close, recorder)
         threading.Thread(target=self._watch, args=(recorder,), name=f"watch {self.name}", daemon=True).start()
+
+    def _plant_file(self) -> list[Attachment]:
+        plant = self.around.plant
+        return [] if plant is None else [Attachment(PLANT_ATTACHMENT, plant.read_bytes(), "application/toml")]
 
     def _watch(self, recorder: BusRecorder) -> None:
         recorder.wait()

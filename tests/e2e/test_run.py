@@ -224,7 +224,9 @@ def test_a_plant_runs_from_one_file(fresh: Path, tmp_path: Path, bus_config: Bus
         assert (refused.returncode, "ADS_E_INVALIDSTATE" in refused.stderr) == (1, True)
         assert plant.modules("call", "Conveyor", "get_object_id").stdout == f"{0x71010007}\n"
         assert plant.stop() == 0
-    assert summary(tmp_path / "night.mcap").complete == "yes"
+    night = summary(tmp_path / "night.mcap")
+    assert (night.complete, "tcbridge.plant" in night.attachments) == ("yes", True)
+    assert plant.run("cat", "night.mcap").stderr == ""
     steps = recorded(tmp_path)
     assert [step for step in steps if step[1] == "IP"] == [(name, "IP") for name in ["ObjectServer", *ORDER]]
     up = [(name, step) for name in ORDER for step in ("PS", "SO")]
