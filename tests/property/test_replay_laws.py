@@ -6,7 +6,7 @@ recording is not that of seq, and clocks of senders jump; arrivals are those of 
 
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
@@ -110,19 +110,16 @@ class Plant:
 
 
 @st.composite
-def histories(draw: st.DrawFn, size: int = 40) -> Plant:
-    """What happened in a plant, in the order in which it arrives."""
+def histories(draw: st.DrawFn, size: int = 40, keys: Sequence[AlarmKey] = KEYS, ops: Sequence[str] = OPS) -> Plant:
+    """What happened in a plant, in the order in which it arrives. With few keys more commands meet the same alarm."""
     plant = Plant()
     times = st.sampled_from([TIME_NS, TIME_NS + 10**9, TIME_NS - 10**12, TIME_NS + 10**12])
-    step = st.one_of(
-        st.tuples(st.sampled_from(KEYS), st.sampled_from(OPS), times),
-        st.tuples(st.sampled_from(TARGETS), st.just("restart"), times),
-    )
-    for who, op, time_ns in draw(st.lists(step, min_size=1, max_size=size)):
-        if isinstance(who, str):
-            plant.start(who)
+    step = st.tuples(st.sampled_from(keys), st.sampled_from((*ops, "restart")), times)
+    for key, op, time_ns in draw(st.lists(step, min_size=size // 3, max_size=size)):
+        if op == "restart":
+            plant.start(key.target)
         else:
-            plant.do(who, op, time_ns)
+            plant.do(key, op, time_ns)
     plant.entries = draw(arrivals(plant.entries))
     return plant
 
@@ -151,38 +148,48 @@ def _may_swap(one: Entry, other: Entry) -> bool:
     )
 
 
-def write(folder: Path, entries: list[Entry], cuts: set[int], clock: Callable[[int], int]) -> list[Path]:
-    """Recordings of the entries, a new one at each cut with the keyframes that a recorder writes there."""
+def write(
+    folder: Path, entries: list[Entry], cuts: set[int], clock: Callable[[int], int], lost: range = range(0)
+) -> list[Path]:
+    """Recordings of the entries: a new one at each cut, with keyframes there and after what was lost, as a recorder has it."""
     paths: list[Path] = []
     table, last, based = AlarmTable(), dict[str, int](), dict[str, tuple[str, int]]()
     writer: RecordingWriter | None = None
-    for number, entry in enumerate(entries):
+
+    def keyframes(writer: RecordingWriter, at_ns: int) -> None:
+        for target, (session, seq) in based.items():
+            alarms = tuple(a for a in table.alarms.values() if a.target == target and a.was_raised)
+            frame = StateFrame(
+                realm="live", target=target, session=session, seq=seq, alarms=alarms, last_seq=last.get(target, 0)
+            )
+            writer.add_state(frame, at_ns)
+
+    for number, entry in enumerate([*entries, Entry()]):
         at_ns = clock(number)
-        if writer is None or number in cuts:
+        if (writer is None or number in cuts) and number < len(entries):
             if writer is not None:
                 at_ns = max(at_ns, writer.last_log_time_ns + 1)  # as a recorder does: the next file is the later one
                 writer.finish()
             paths.append(folder / f"{len(paths):03}.mcap")
             writer = RecordingWriter(paths[-1])
-            for target, (session, seq) in based.items():
-                alarms = tuple(a for a in table.alarms.values() if a.target == target and a.was_raised)
-                frame = StateFrame(
-                    realm="live", target=target, session=session, seq=seq, alarms=alarms, last_seq=last.get(target, 0)
-                )
-                writer.add_state(frame, at_ns)
+            keyframes(writer, at_ns)
+        if writer is not None and lost and number == min(lost.stop, len(entries)):
+            keyframes(writer, at_ns)
         if entry.frame is not None:
             frame = entry.frame
             table.load(frame.alarms, frame.session, frame.seq, frame.target)
             based[frame.target], last[frame.target] = (frame.session, frame.seq), 0
-            writer.add_state(frame, at_ns)
+            if writer is not None and number not in lost:
+                writer.add_state(frame, at_ns)
         if (event := entry.event) is not None:
             if event.is_alarm:
                 fold([event], table)
                 same = based.get(event.target, ("", 0))[0] == event.session
                 based[event.target] = based[event.target] if same else (event.session, 0)
                 last[event.target] = max(last.get(event.target, 0) if same else 0, event.seq)
-            key = EventKey("live", event.target, event.event_class, event.is_alarm, event.severity)
-            writer.add(codec.encode(event), codec.JSON, key, event, at_ns)
+            if writer is not None and number not in lost:
+                key = EventKey("live", event.target, event.event_class, event.is_alarm, event.severity)
+                writer.add(codec.encode(event), codec.JSON, key, event, at_ns)
     if writer is not None:
         writer.finish()
     return paths
@@ -247,6 +254,22 @@ def bus() -> Iterator[Bus]:
     """A bus that nobody else is on."""
     with open_bus(ALONE) as alone:
         yield alone
+
+
+@settings(max_examples=100)
+@given(histories(15, KEYS[:2], ("raise", "dispose", "clear")), st.sets(st.integers(1, 9), max_size=2), st.data())
+def test_after_a_loss_the_state_is_right_from_the_next_keyframe_on(plant: Plant, cuts: set[int], data: st.DataObject) -> None:
+    """Whatever was lost: raises, ends of alarms, a restart; also when the replay starts in the middle."""
+    if not plant.entries:
+        return
+    first = data.draw(st.sampled_from(range(len(plant.entries))))
+    lost = range(first, min(first + data.draw(st.sampled_from((1, 1, 2, 4))), len(plant.entries)))
+    with tempfile.TemporaryDirectory() as folder:
+        paths = write(Path(folder), plant.entries, cuts, lambda number: TIME_NS + 10**9 * number, lost)
+        assert folded(paths)[0] == plant.state
+        times = [item.log_time_ns for item in read_series(paths)]
+        if times:
+            assert folded(paths, start_ns=data.draw(st.sampled_from(times)))[0] == plant.state
 
 
 def served(bus: Bus, player: Player) -> State:
