@@ -150,7 +150,7 @@ def _watch(view: View, listener: "Listener", expr: "Expr", *, all: bool, as_json
                 for alarm in found:
                     if alarm not in before:
                         print_json(view.alarm_record(alarm))
-                for key in sorted(gone):
+                for key in sorted(gone, key=repr):
                     print_json({"gone": key})
             else:
                 if on_terminal():

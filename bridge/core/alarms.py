@@ -34,7 +34,7 @@ from bridge.core.events import (
 from bridge.core.hresult import ADS_E_INVALIDSTATE, ADS_E_NOTFOUND, ERROR_ALREADY_EXISTS, S_OK, AdsError
 
 
-class AlarmKey(msgspec.Struct, frozen=True, order=True, omit_defaults=True):
+class AlarmKey(msgspec.Struct, frozen=True, omit_defaults=True):
     """Which alarm: two alarms with the same class and id but different sources are two alarms."""
 
     target: str
@@ -443,7 +443,7 @@ class AlarmTable:
 
     def suspects(self, target: str) -> tuple[AlarmKey, ...]:
         """Which alarms of a target are marked."""
-        return tuple(sorted(key for key, alarm in self.alarms.items() if alarm.suspect and key.target == target))
+        return tuple(sorted((key for key, alarm in self.alarms.items() if alarm.suspect and key.target == target), key=repr))
 
     def active(self) -> list[Alarm]:
         """Alarms that are raised or wait for confirmation, latest transition last."""

@@ -770,3 +770,22 @@ def test_a_suspect_alarm_is_trusted_when_its_source_speaks() -> None:
     assert [alarm.suspect for alarm in table.mark(list(table.alarms), suspect=False)] == [False]
     assert table.suspects("plc2") == ()
     assert table.mark(list(table.alarms), suspect=False) == []
+
+
+def test_suspects_are_told_whatever_their_sources_are() -> None:
+    """Sources with and without id, name and GUID stand in one order, whichever came first."""
+    sources = (
+        alarm_raised(),
+        alarm_raised(source_id=7),
+        alarm_raised(source_name="Pump"),
+        alarm_raised(source_guid=OTHER_CLASS),
+    )
+    told = []
+    for order in (sources, sources[::-1]):
+        table = AlarmTable()
+        for seq, event in enumerate(order, 1):
+            table.apply(number(event, seq))
+        assert table.suspect("plc1")
+        told.append(table.suspects("plc1"))
+    assert len(told[0]) == len(sources)
+    assert told[0] == told[1]
