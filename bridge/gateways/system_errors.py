@@ -74,7 +74,10 @@ class _Tap(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         if logging.root.handlers == [self] and logging.lastResort is not None:
             logging.lastResort.handle(record)
-        self._take(record)
+        try:
+            self._take(record)
+        except Exception:
+            self.handleError(record)  # a call that does not fit its text: who logs goes on, as with every other handler
 
 
 class SystemErrors:

@@ -47,6 +47,16 @@ def test_what_the_program_logs_becomes_an_event(caplog: pytest.LogCaptureFixture
     assert len(sent) == 3
 
 
+def test_a_call_that_does_not_fit_its_text_hurts_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who logs goes on, and so do we."""
+    monkeypatch.setattr(logging.root, "handlers", [])
+    monkeypatch.setattr(logging, "raiseExceptions", False)
+    with errors_of("own") as (_, sent):
+        LOG.error("%d bar", "much")
+        LOG.error("it burns")
+    assert texts(sent) == [["it burns", "pump.control"]]
+
+
 def test_off_is_off() -> None:
     """The manual's default: nothing is taken."""
     with errors_of("none") as (_, sent):
