@@ -8,6 +8,7 @@ Rule 4: each command has a key of its own, as a logger's have, so that access ca
 another command's key it is refused.
 """
 
+import contextlib
 import os
 import threading
 import time
@@ -64,8 +65,9 @@ def present(bus: Bus, *, realm: str | None = None, name: str | None = None, time
     found = []
     for role in ROLES:
         for key in bus.who_is_alive(keys.verb_key(realm, name, "@alive", role, None), timeout_s=timeout_s):
-            its_realm, its_name, _, parts = keys.parse_verb_key(key)
-            found.append(Present(its_realm, its_name, role, parts[1]))
+            with contextlib.suppress(keys.KeyFormatError):  # a stranger's
+                its_realm, its_name, _, parts = keys.parse_verb_key(key)
+                found.append(Present(its_realm, its_name, role, parts[1]))
     return sorted(found)
 
 

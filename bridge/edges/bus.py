@@ -438,7 +438,10 @@ class Bus:
                     sample = channel.recv()
                 except zenoh.ZError:
                     return
-                changed(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+                try:
+                    changed(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+                except Exception:
+                    log.exception("told of %s", sample.key_expr)  # who comes and goes afterwards must still be seen
 
         thread = threading.Thread(target=watch, name=f"watch {expression}", daemon=True)
         thread.start()

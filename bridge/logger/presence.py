@@ -30,17 +30,19 @@ def show_source(bus: Bus, target: str, realm: str, session: str) -> Closable:
     return bus.alive(here, left)
 
 
-def session_of(key: str) -> str:
-    """The session in a token's key. KeyFormatError when it is none."""
-    parts = keys.parse_verb_key(key)[3]
-    if len(parts) != 2:
-        raise keys.KeyFormatError(key, "@alive/<role>/<session>")
-    return parts[1]
+def session_of(key: str) -> str | None:
+    """The session in a token's key; None when a stranger wrote what is no such key."""
+    try:
+        parts = keys.parse_verb_key(key)[3]
+    except keys.KeyFormatError:
+        return None
+    return parts[1] if len(parts) == 2 else None
 
 
 def loggers(bus: Bus, target: str, realm: str = keys.LIVE, *, role: str = LOGGER) -> set[str]:
     """Sessions that hold the name of a target now."""
-    return {session_of(key) for key in bus.who_is_alive(token_key(target, realm, role=role), timeout_s=0.5)}
+    found = map(session_of, bus.who_is_alive(token_key(target, realm, role=role), timeout_s=0.5))
+    return {session for session in found if session is not None}
 
 
 class Presence:
@@ -62,11 +64,12 @@ class Presence:
             return set(self._there)
 
     def _seen(self, key: str, there: bool) -> None:
+        session = session_of(key)
         with self._news:
-            if self._closed:
+            if self._closed or session is None:
                 return
             before = bool(self._there)
-            (self._there.add if there else self._there.discard)(session_of(key))
+            (self._there.add if there else self._there.discard)(session)
             after = bool(self._there)
             self._news.notify_all()
         if before != after and self._changed is not None:

@@ -364,7 +364,7 @@ class EventLogger(Commands):
     def _logger_seen(self, key: str, there: bool) -> None:
         """Another logger of this target came or went."""
         session = session_of(key)
-        if not there or session == self.session or self._closing:
+        if not there or session is None or session == self.session or self._closing:
             return
         if session > self.session:
             log.warning("%s: session %s is a second logger; it should step back", self.target, session)

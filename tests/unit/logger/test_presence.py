@@ -62,8 +62,40 @@ def test_who_holds_a_name(bus: Bus) -> None:
     for target, realm in (("plc1", "live"), ("plc2", "live"), ("plc1", "replay-1")):
         bus.alive(token_key(target, realm, f"{target} {realm}"))
     assert loggers(bus, "plc1") == {"plc1 live"}
-    with pytest.raises(keys.KeyFormatError):
-        session_of(keys.verb_key("live", "plc1", "@alive", "logger"))
+    assert session_of(keys.verb_key("live", "plc1", "@alive", "logger")) is None
+
+
+def test_a_token_that_is_none_of_ours_hurts_nobody(bus: Bus) -> None:
+    """A stranger's key that cannot be read: the name stays free, and who comes afterwards is still seen."""
+    bus.alive(token_key("plc1", "live", "?").replace("%3F", "%zz"))
+    presence = Presence(bus, "plc1", "live")
+    assert loggers(bus, "plc1") == set()
+    with EventLogger("plc1", bus=bus) as logger:
+        assert presence.wait(30)
+        assert presence.sessions == {logger.session}
+        assert logger.read_only == ""
+    assert presence.wait(30, there=False)
+    presence.close()
+
+
+def test_who_is_told_badly_is_told_again(bus: Bus, caplog: pytest.LogCaptureFixture) -> None:
+    """An error of the program that is told of the first logger is logged, and the next one is seen all the same."""
+    told: list[bool] = []
+
+    def changed(there: bool) -> None:
+        told.append(there)
+        if there:
+            raise RuntimeError("not now")
+
+    presence = Presence(bus, "plc1", "live", changed)
+    for _ in range(2):
+        token = bus.alive(token_key("plc1", "live", "one"))
+        assert presence.wait(30)
+        token.close()
+        assert presence.wait(30, there=False)
+    assert eventually(lambda: told == [True, False, True, False])
+    assert "not now" in caplog.text
+    presence.close()
 
 
 def test_presence_changes_with_the_first_and_the_last(bus: Bus) -> None:
