@@ -13,10 +13,12 @@ from typing import Final, NamedTuple
 
 import msgspec
 
+from bridge.core.arguments import ZERO_GUID
+from bridge.core.filters.text import FilterSyntaxError, parse
 from bridge.core.hresult import AdsError
 from bridge.core.module_instances import Instance, Key, Plant, PlantError, Reference
 from bridge.core.tmc import Problem
-from bridge.host.system import KINDS
+from bridge.host.system import KINDS, SystemModule
 from bridge.tccom.declarations import UNSET, InterfacePointer, Parameter
 from bridge.tccom.factories import Factories
 from bridge.tccom.general import ParameterKey
@@ -27,6 +29,8 @@ from bridge.tccom.tasks import Task
 
 _SYSTEM: Final = {kind.module_class.__name__: kind.module_class for kind in KINDS}
 _RANK: Final[dict[type[Module], int]] = {kind.module_class: rank for rank, kind in enumerate(KINDS)}
+_FILTERS: Final = frozenset({"filter", "trigger"})
+"""Parameters of modules of ours that are filters. Which event classes there are is known when they start."""
 USER_RANK: Final = len(KINDS)
 
 
@@ -144,9 +148,13 @@ def _faults(plant: Plant, instance: Instance, kind: type[Module], classes: Mappi
             continue
         given.add(one.name)
         try:
-            one.checked(value)
+            checked = one.checked(value)
+            if isinstance(checked, str) and one.name in _FILTERS and issubclass(kind, SystemModule):
+                parse(checked, resolve_class=lambda name: (ZERO_GUID,))
         except AdsError as error:
             yield plant.problem(instance, error.detail, "parameters", key)
+        except FilterSyntaxError as error:
+            yield plant.problem(instance, f"{one.name}: {error}", "parameters", key)
         if not one.settable:
             yield plant.problem(instance, f"parameter {one.name!r} is not set from outside", "parameters", key)
     for key, reference in instance.pointers.items():

@@ -141,6 +141,8 @@ FAULTS = [
     ('class = "Mixer"\npointers = { source = "Fast" }', "plant.toml:5: source: Task 'Fast' does not offer ISource"),
     ('class = "Mixer"\ntask = "A"', "A' waits for A"),
     ('class = "Logger"\nparameters = { max_events = "many" }', "plant.toml:5: max_events: Expected `int`, got `str`"),
+    ('class = "Listener"\nparameters = { filter = "severty = 1" }', "plant.toml:5: filter: unknown field 'severty'"),
+    ('class = "Recorder"\nparameters = { path = "x", trigger = "severity >>= 1" }', "plant.toml:5: trigger: unexpected '>='"),
 ]
 
 
@@ -151,6 +153,12 @@ def test_a_fault_is_told_with_its_line_and_what_was_expected(lines: str, message
     with pytest.raises(PlantError) as raised:
         plan(text)
     assert message in str(raised.value)
+
+
+def test_a_class_in_a_filter_is_looked_up_when_the_plant_runs() -> None:
+    """A plan is made without event classes, so a name of one is no fault of its file."""
+    lines = 'class = "Listener"\nparameters = { filter = "event_class = Faults" }'
+    assert len(plan(f'[[modules]]\nname = "A"\n{lines}\n').modules) == 1
 
 
 def test_all_faults_are_told_at_once() -> None:
