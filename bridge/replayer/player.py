@@ -158,7 +158,7 @@ class Player:
             case Step(events):
                 self.step(events)
             case Seek(to):
-                self.seek(self.span.place(to))
+                self.seek(self.span.inside(to))
             case Rate(rate):
                 self.change_rate(rate)
             case Stop():

@@ -10,7 +10,7 @@ from decimal import Decimal, InvalidOperation
 
 import msgspec
 
-from bridge.core.times import NS_PER_S, TimeError, check_time, parse_time
+from bridge.core.times import NS_PER_S, TimeError, check_time, parse_time, time_text
 from bridge.edges.recording import summary
 
 
@@ -31,6 +31,16 @@ class Span(msgspec.Struct, frozen=True, kw_only=True):
         if not offset.is_finite() or offset < 0:
             raise TimeError(f"{text!r} is no place in a recording; expected seconds from its start, or a time")
         return check_time(self.first_ns + int(offset * NS_PER_S))
+
+    def inside(self, text: str) -> int:
+        """The same for a place that somebody wants to go to; TimeError for one before the start or behind the end too."""
+        at_ns = self.place(text)
+        if not self.first_ns <= at_ns <= self.last_ns:
+            raise TimeError(
+                f"{text!r} is not in the recording, which begins at {time_text(self.first_ns)}"
+                f" and ends {self.offset_s(self.last_ns):g} s later, at {time_text(self.last_ns)}"
+            )
+        return at_ns
 
     def offset_s(self, at_ns: int) -> float:
         """Seconds from the start, for people."""

@@ -384,7 +384,7 @@ def test_it_is_told_over_the_bus(bus: Bus, path: Path) -> None:
         assert told(Rate(0.001))["rate"] == 0.001
         assert told(Resume())["state"] == "playing"
         assert told(Pause())["state"] == "paused"
-        for wrong in ("never", "-1", "nan"):
+        for wrong in ("never", "-1", "nan", "3600", "2026-11-21T00:00:00Z"):
             with pytest.raises(AdsError) as refused:
                 told(Seek(wrong))
             assert refused.value.code == ADS_E_INVALIDPARM
