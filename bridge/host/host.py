@@ -118,7 +118,7 @@ class Host:
     def _made(self, kind: type[Module]) -> Module:
         try:
             return kind(self.around) if issubclass(kind, SystemModule) else kind()
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise AdsError(ADS_E_EXCEPTION, f"{kind.__name__} cannot be made: {type(error).__name__}: {error}") from error
 
     def _bring_up(self, each: Planned) -> None:

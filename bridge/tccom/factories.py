@@ -78,7 +78,7 @@ class Factories:
             try:
                 for one in _offered(point):
                     self._register(one)
-            except Exception as error:
+            except (Exception, SystemExit) as error:
                 log.exception("%s: %s = %s cannot be used", GROUP, point.name, point.value)
                 self.faults[point.name] = f"{point.value}: {type(error).__name__}: {error}"
 

@@ -255,7 +255,7 @@ class LiveObject:
         try:
             with _in_step(self.object_id, step):
                 self._stacks[acquired].close()
-        except Exception as error:  # noqa: BLE001 # whatever it is, the rest has been undone; it is told, and the way goes on
+        except (Exception, SystemExit) as error:  # noqa: BLE001 # the rest has been undone; it is told, and the way goes on
             self.report(ReportKind.UNDO_FAILED, transition=step.transition, code=_code(error), detail=_detail(error))
         del self._stacks[acquired]
         for name, pointer in self.module.declared.pointers.items():

@@ -124,7 +124,7 @@ class ObjectServer:
         kind = self.factories.find(module_class) if isinstance(module_class, str) else module_class
         try:
             module = kind()
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise AdsError(ADS_E_EXCEPTION, f"{kind.__name__} cannot be made: {type(error).__name__}: {error}") from error
         live = self._add(module, object_id, name, parent_id, parameters, state)
         try:

@@ -63,7 +63,7 @@ def set_parameter(module: Module, key: ParameterKey, value: object, state: State
             del values[one.name]
         else:
             values[one.name] = before
-        if isinstance(error, AdsError) or not isinstance(error, Exception):
+        if isinstance(error, AdsError) or not isinstance(error, Exception | SystemExit):
             raise
         raise AdsError(ADS_E_EXCEPTION, f"{one.name}: {type(error).__name__}: {error}") from error
 
@@ -117,7 +117,7 @@ class Watch:
                 if not same(self._last, value):
                     self._last = value
                     self._tell(value)
-            except Exception:
+            except (Exception, SystemExit):
                 # Whoever watches must not disturb whom it watches.
                 log.exception("a watch failed")
 

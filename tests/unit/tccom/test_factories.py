@@ -49,12 +49,13 @@ def test_classes_of_installed_packages_are_found(tmp_path: Path, monkeypatch: py
     )
     _install(tmp_path, "tccom_broken", "bad = tccom_broken:Nothing\nnone = tccom_broken:Number", "Number = 1\nraise_ = 1/0")
     _install(tmp_path, "tccom_numbers", "number = tccom_numbers:number", "number = 1")
+    _install(tmp_path, "tccom_leaver", "leaver = tccom_leaver", "import sys\nsys.exit('no licence')")
     monkeypatch.syspath_prepend(tmp_path)
     factories = Factories()
     assert factories.find("Pump").__doc__ == "Pumps."
     assert [one.__name__ for one in factories.classes()] == ["Mixer", "Pump", "Valve"]
     assert factories.find("{44444444-0000-4000-8000-000000000002}").__name__ == "Valve"
-    assert sorted(factories.faults) == ["bad", "none", "number"]
+    assert sorted(factories.faults) == ["bad", "leaver", "none", "number"]
     assert "ZeroDivisionError" in factories.faults["bad"]
     with ObjectServer(factories=factories) as server, server.create("Pump", IObject, state=State.OP) as pump:
         assert pump.get_state().value is State.OP

@@ -1,5 +1,6 @@
 """Objects come, are found, held and moved, and go."""
 
+import contextlib
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,6 +22,7 @@ from bridge.core.hresult import (
     S_FALSE,
     AdsError,
 )
+from bridge.tccom.declarations import Parameter
 from bridge.tccom.general import IObject, IObjectServer
 from bridge.tccom.identity import CREATE_NEW_ID, FIRST_FREE_ID, LAST_FREE_ID, OBJECT_SERVER_ID
 from bridge.tccom.interfaces import Answer
@@ -354,6 +356,40 @@ def test_a_class_whose_objects_cannot_be_made_is_refused() -> None:
             server.create(Unlucky, ICalculation)
         assert failure.value.code == ADS_E_EXCEPTION
         assert server.living == 1
+
+
+def test_nobody_ends_the_thread_of_somebody_else(caplog: pytest.LogCaptureFixture) -> None:
+    """A module that calls sys.exit() in its making, over a parameter or while it gives back has failed, and no more."""
+
+    class Leaver(Module):
+        leaves = True
+        gain = Parameter(0x1, int, default=0)
+
+        def __init__(self) -> None:
+            if self.leaves:
+                sys.exit(1)
+
+        def on_parameter(self, name: str) -> None:
+            sys.exit(2)
+
+        def on_ps(self) -> None:
+            self.enter(contextlib.ExitStack()).callback(sys.exit, 3)
+
+    told: list[Report] = []
+    with ObjectServer(report=told.append) as server:
+        with pytest.raises(AdsError, match="SystemExit: 1"):
+            server.create(Leaver, IObject)
+        Leaver.leaves = False
+        object_id = server.create(Leaver, IObject).object_id
+        with pytest.raises(AdsError, match="SystemExit: 2"):
+            server.set_parameter(object_id, "gain", 1)
+        assert server.get_parameter(object_id, "gain") == 0
+        server.watch(object_id, "gain", sys.exit)
+        assert "a watch failed" in caplog.text
+        server.set_state(object_id, State.SAFEOP)
+        server.set_state(object_id, State.PREOP)
+        assert server.object_info(object_id).state is State.PREOP
+    assert [one.detail for one in told if one.kind is ReportKind.UNDO_FAILED] == ["SystemExit: 3"]
 
 
 def test_an_object_that_comes_while_the_server_closes_does_not_stay() -> None:
