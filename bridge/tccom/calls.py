@@ -16,7 +16,7 @@ import msgspec
 from bridge.core.events import U32
 from bridge.tccom.general import ClassInfo, IDataAreas, IObject, IObjectServer, ITask, IWatchSource
 from bridge.tccom.identity import ClassId, InterfaceId, ObjectId
-from bridge.tccom.interfaces import Interface, describe
+from bridge.tccom.interfaces import Interface, describe, known_interface
 from bridge.tccom.states import State
 
 MSGPACK: Final = "application/vnd.msgpack"
@@ -43,7 +43,6 @@ _ROWS: Final[tuple[tuple[Interface[object], Access, tuple[str, ...]], ...]] = (
     (IDataAreas, Access.READ, ("read_symbol",)),
     (IWatchSource, Access.READ, ("read_values",)),
     (IDataAreas, Access.SET, ("write_symbol",)),
-    (IWatchSource, Access.READ, ("read_values",)),
     (IObjectServer, Access.READ, ("objects", "object_info", "classes", "class_info")),
     (IObjectServer, Access.STATE, ("create_instance", "delete_instance")),
     (ITask, Access.READ, ("task_info",)),
@@ -52,8 +51,10 @@ _ACCESS: Final = {(describe(owner).id, name): access for owner, access, names in
 
 
 def access_of(interface_id: InterfaceId, method: str) -> Access:
-    """What calling this method needs: of the general interfaces as the table says, of others `call`."""
-    return _ACCESS.get((interface_id, method), Access.CALL)
+    """What calling this method needs: of the general interfaces, derived ones too, as the table says, of others `call`."""
+    info = known_interface(interface_id)
+    owners = (interface_id,) if info is None else (interface_id, *info.bases)
+    return next((_ACCESS[owner, method] for owner in owners if (owner, method) in _ACCESS), Access.CALL)
 
 
 class Call(msgspec.Struct, frozen=True, kw_only=True, tag_field="do", tag="call"):
