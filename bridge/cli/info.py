@@ -184,7 +184,7 @@ def _span(first_ns: int, last_ns: int) -> str:
 def _complete(found: "RecordingInfo") -> str:
     totals = found.totals
     if found.damage is not None:
-        return f"{found.complete}: damaged at byte {found.damage.offset:,}: {found.damage.reason}"
+        return f"{found.complete}: {found.damage.text(found.path)}"
     match found.complete:
         case "no":
             return f"no: {totals.gaps:,} gaps, {totals.gap_events:,} events are missing"

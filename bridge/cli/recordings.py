@@ -114,7 +114,7 @@ def count_events(paths: Sequence[Path]) -> int:
 def tell_damages(damages: "Mapping[Path, Damage]") -> Exit:
     """Say on stderr which files could not be read to their end; the exit code of that."""
     for path, damage in damages.items():
-        note(f"warning: {path}: damaged at byte {damage.offset:,}: {damage.reason}")
+        note(f"warning: {path}: {damage.text(path)}")
     return Exit.LOST if damages else Exit.OK
 
 

@@ -2,8 +2,8 @@
 
 Rule 1: a fault is something that should not be so: damage, an index or a summary that tells otherwise than the file, a channel
 that is not what its name says, an event that is none or stands there twice, a number that is missing without a gap record.
-Rule 2: a remark is something to know: gaps and tails that the file itself tells of, channels of other programs, an order in
-which only another program writes, a part of the recording that is not beside it.
+Rule 2: a remark is something to know: that a file is not finished, gaps and tails that it tells of itself, channels of other
+programs, an order in which only another program writes, a part of the recording that is not beside it.
 Rule 3: missing numbers are looked for only where nothing but a filter on the key chose what was recorded.
 """
 
@@ -22,6 +22,7 @@ from bridge.edges.recording.frames import Frames
 from bridge.edges.recording.index import IndexFault, read_index
 from bridge.edges.recording.layout import (
     ABOUT_METADATA,
+    ACTIVE_SUFFIX,
     GAPS_TOPIC,
     REJECTED_TOPIC,
     STATE_TOPIC,
@@ -109,7 +110,8 @@ def diagnose(path: str | os.PathLike[str], *, on_progress: Callable[[int], None]
             if on_progress is not None and done % PROGRESS_EVENTS == 0:
                 on_progress(done)
         if frames.damage is not None:
-            found.fault(f"damaged at byte {frames.damage.offset:,}: {frames.damage.reason}")
+            unfinished = frames.damage.torn and frames.path.suffix == ACTIVE_SUFFIX
+            (found.remark if unfinished else found.fault)(frames.damage.text(frames.path))
         if back:
             (found.fault if frames.strict else found.remark)(f"{back:,} entries are not in the order of time")
         _check_channels(frames, found)

@@ -24,7 +24,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, McapRecord, Metadata, Schema
 
 from bridge.edges.recording.index import LATEST, ChunkPlace, IndexFault, check_footer, read_index
-from bridge.edges.recording.layout import MAX_CHUNK_BYTES, PROFILE, RecordingError
+from bridge.edges.recording.layout import ACTIVE_SUFFIX, MAX_CHUNK_BYTES, PROFILE, RecordingError
 from bridge.edges.recording.records import (
     HEAD,
     HOSTILE,
@@ -52,6 +52,12 @@ class Damage(msgspec.Struct, frozen=True):
     offset: int
     reason: str
     torn: bool
+
+    def text(self, path: str | os.PathLike[str]) -> str:
+        """What people are told of it. A file that is being written merely stops, and is not called damaged."""
+        if self.torn and Path(path).suffix == ACTIVE_SUFFIX:
+            return "not finished: it is being written, or was left by a crash"
+        return f"damaged at byte {self.offset:,}: {self.reason}"
 
 
 class RawMessage(NamedTuple):

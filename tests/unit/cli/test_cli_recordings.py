@@ -135,6 +135,21 @@ def test_a_damaged_file_is_printed_as_far_as_it_goes_and_named(plant: str, capsy
     assert "plant.mcap: damaged at byte" in found.err
 
 
+def test_a_file_that_is_being_written_is_not_called_damaged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Everybody who reads it says that it is not finished; the doctor finds no fault in that."""
+    with RecordingWriter(tmp_path / "plant.mcap", about=ABOUT) as writer:
+        writer.add_state(STATE, START)
+        record(writer, raised(30), START + 1)
+        writer.flush()
+        active = str(tmp_path / "plant.mcap.active")
+        said = "not finished: it is being written, or was left by a crash"
+        for command, code in (("cat", Exit.LOST), ("info", Exit.NO), ("doctor", Exit.OK)):
+            assert run([command, active]) == code
+            found = capsys.readouterr()
+            assert said in found.out + found.err
+            assert "damage" not in found.out + found.err
+
+
 def test_texts_come_from_the_classes_that_a_recording_carries(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Without any class file."""
     known = load_catalog([Path(__file__).parents[3] / "examples" / "plant.tmc"])[0]
