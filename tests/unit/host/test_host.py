@@ -217,7 +217,7 @@ def test_modules_send_through_the_logger(tmp_path: Path) -> None:
 
 
 def test_a_taken_target_and_a_bad_filter_fail_alone(tmp_path: Path) -> None:
-    """The second logger of a target is in PREOP, a recorder whose filter names an unknown class is not there; the reason is told."""
+    """The second logger of a target is in PREOP, a recorder whose filter names an unknown class is gone; the reason is told."""
     text = """
 [[modules]]
 name = "Log"
