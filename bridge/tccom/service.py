@@ -5,8 +5,8 @@
 
 Rule 1: one object server per target. Opening refuses a taken name. After a healed partition there may be two: callers go to
 the older one.
-Rule 2: questions are carried out several at a time. Of one object's at most WAITING wait or run, the next is ADS_E_BUSY: an
-object that is busy does not keep the others from being called.
+Rule 2: questions are carried out several at a time. Of one object's that take its turn at most WAITING wait or run, the next is
+ADS_E_BUSY: an object that is busy does not keep the others from being called. Creating counts as the object server's.
 Rule 3: what changes something is done once per id: asked again, the answer is the same. Answers are known for a while.
 Rule 4: whoever holds objects shows a token. When it is gone, everything it held is released, as if it had done so itself.
 Rule 5: what is not allowed is refused with ADS_E_ACCESSDENIED, whatever its key says.
@@ -65,7 +65,7 @@ from bridge.tccom.calls import (
 )
 from bridge.tccom.describing import class_info, type_text
 from bridge.tccom.general import IUnknown
-from bridge.tccom.identity import OBJECT_SERVER_ID, InterfaceId, ObjectId
+from bridge.tccom.identity import OBJECT_SERVER_ID, InterfaceId, ObjectId, id_text
 from bridge.tccom.interfaces import InterfaceInfo, Method, known_interface
 from bridge.tccom.objects import LiveObject
 from bridge.tccom.references import Holdable, Reference
@@ -76,11 +76,15 @@ log: Final = logging.getLogger(__name__)
 THREADS: Final = 16
 WAITING: Final = 8
 ANSWERS_KEPT: Final = 1000
+ANSWERS_BYTES: Final = 32 << 20
+"""So many answers are known, and no more of them than have so many bytes."""
 TAKEN_S: Final = 1.0
 """How long the token of a killed process may linger before its target counts as taken."""
 TOKEN_S: Final = 1.0
 """How long the token of somebody who holds an object may take to be seen."""
 _STEP_S: Final = 0.02
+_WAITING_READS: Final = ("read_symbol", "read_values")
+"""What reads and waits for the object's turn; the rest that reads waits for nobody."""
 
 
 class ObjectsTakenError(RuntimeError):
@@ -133,8 +137,16 @@ class ObjectService:
             with self._there:
                 self._owners.discard(token.session)
                 self._held.pop(token.session, None)
-            if count := self.server.release_owner(token.session):
-                log.info("%s: a caller is gone, %d references were released", self.target, count)
+            # Taking down what was made for it may take long, and others come and go meanwhile.
+            threading.Thread(target=self._release, args=(token.session,), name="release", daemon=True).start()
+
+    def _release(self, owner: str) -> None:
+        if count := self.server.release_owner(self._known_as(owner)):
+            log.info("%s: a caller is gone, %d references were released", self.target, count)
+
+    def _known_as(self, owner: str) -> str:
+        """What the object server knows an owner as: no token of a stranger stands for an object that holds others here."""
+        return f"{self.target}/{owner}"
 
     def _keep(self, owner: str, reference: Reference[object]) -> Held:
         """Remember a reference under a new handle; AdsError (ADS_E_NOTREADY), and it is released, for who shows no token."""
@@ -179,7 +191,8 @@ class ObjectService:
             return self._refused(AdsError(ADS_E_EXCEPTION, f"{type(error).__name__}: {error}"))
 
     def _refused(self, error: AdsError) -> bytes:
-        return msgspec.msgpack.encode(CallAnswer(session=self.session, result=error.code, detail=error.detail))
+        detail = error.detail.encode(errors="backslashreplace").decode()
+        return msgspec.msgpack.encode(CallAnswer(session=self.session, result=error.code, detail=detail))
 
     def _made(self, value: object, result: int = S_OK) -> bytes:
         """An answer; AdsError (ADS_E_INVALIDDATA) when the value has no plain form."""
@@ -196,21 +209,22 @@ class ObjectService:
                 return self._call(question)
             case Hold():
                 info = _offered(question.interface, question.fingerprint)
-                reference = self.server.get(question.object_id, info.protocol, owner=question.owner)
+                reference = self.server.get(question.object_id, info.protocol, owner=self._known_as(question.owner))
                 return self._made(self._keep(question.owner, reference))
             case Create():
                 info = _offered(question.interface, question.fingerprint)
-                reference = self.server.create(
-                    question.class_id,
-                    info.protocol,
-                    object_id=question.object_id,
-                    parent_id=question.parent_id,
-                    name=question.name,
-                    parameters=question.parameters,
-                    state=question.state,
-                    owner=question.owner,
-                    transient=question.transient,
-                )
+                with self._one_more(OBJECT_SERVER_ID):
+                    reference = self.server.create(
+                        question.class_id,
+                        info.protocol,
+                        object_id=question.object_id,
+                        parent_id=question.parent_id,
+                        name=question.name,
+                        parameters=question.parameters,
+                        state=question.state,
+                        owner=self._known_as(question.owner),
+                        transient=question.transient,
+                    )
                 try:
                     return self._made(self._keep(question.owner, reference))
                 except AdsError:
@@ -237,7 +251,7 @@ class ObjectService:
                 return self._called(reference.held, question)
         with self._lock:
             found = self._held.get(question.owner, {}).get(question.handle)
-        if found is None:
+        if found is None or found.object_id != question.object_id:
             return msgspec.msgpack.encode(CallAnswer(session=self.session, unheld=True))
         return self._called(found.held, question)
 
@@ -253,20 +267,17 @@ class ObjectService:
             arguments = msgspec.msgpack.decode(question.arguments, type=method.arguments)
         except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
             raise AdsError(ADS_E_INVALIDPARM, f"{method.name}: {error}") from None
-        with self._one_more(held, question):
+        waits = method.name in _WAITING_READS or access_of(info.id, method.name) is not Access.READ
+        with self._one_more(held.object_id) if waits else contextlib.nullcontext():
             answer = held.call(info, method, arguments)
         return self._made(answer.value, answer.result)
 
     @contextlib.contextmanager
-    def _one_more(self, held: Holdable, question: Call) -> Iterator[None]:
-        """Count the calls of an object; AdsError (ADS_E_BUSY) when too many are there. Reading is never refused so."""
-        if access_of(question.interface, question.method) is Access.READ:
-            yield
-            return
-        object_id = held.object_id
+    def _one_more(self, object_id: ObjectId) -> Iterator[None]:
+        """Count who may have to wait for an object; AdsError (ADS_E_BUSY) when too many are there."""
         with self._lock:
             if self._busy.get(object_id, 0) >= WAITING:
-                raise AdsError(ADS_E_BUSY, f"{held}: {WAITING} calls wait or run")
+                raise AdsError(ADS_E_BUSY, f"{id_text(object_id)}: {WAITING} calls wait or run")
             self._busy[object_id] = self._busy.get(object_id, 0) + 1
         try:
             yield
@@ -287,7 +298,7 @@ class ObjectService:
             owners = list(self._held)
             self._held.clear()
         for owner in owners:
-            self.server.release_owner(owner)
+            self.server.release_owner(self._known_as(owner))
 
     def __enter__(self) -> Self:
         return self
@@ -301,7 +312,8 @@ class _Once:
 
     def __init__(self) -> None:
         self._answers: dict[str, Future[bytes]] = {}
-        self._done: deque[str] = deque()
+        self._done: deque[tuple[str, int]] = deque()
+        self._bytes = 0
         self._lock = threading.Lock()
 
     def answer(self, question_id: str, carry_out: Callable[[], bytes]) -> bytes:
@@ -311,16 +323,21 @@ class _Once:
             found = self._answers.setdefault(question_id, mine)
         if found is not mine:
             return found.result()
+        size = 0
         try:
-            mine.set_result(carry_out())
+            mine.set_result(made := carry_out())
+            size = len(made)
         except BaseException as error:
             mine.set_exception(error)
             raise
         finally:
             with self._lock:
-                self._done.append(question_id)
-                if len(self._done) > ANSWERS_KEPT:
-                    del self._answers[self._done.popleft()]
+                self._done.append((question_id, size))
+                self._bytes += size
+                while len(self._done) > ANSWERS_KEPT or (self._bytes > ANSWERS_BYTES and len(self._done) > 1):
+                    oldest, size = self._done.popleft()
+                    self._bytes -= size
+                    del self._answers[oldest]
         return mine.result()
 
 

@@ -44,13 +44,13 @@ from bridge.tccom import (
     State,
     interface,
 )
-from bridge.tccom.calls import MSGPACK, OBJECTS_VERB, Access, Call, CallAnswer, Hold
+from bridge.tccom.calls import HOLDER, MSGPACK, OBJECTS_VERB, Access, Call, CallAnswer, Hold
 from bridge.tccom.factories import Factories
 from bridge.tccom.general import IObject
-from bridge.tccom.identity import OBJECT_SERVER_ID
+from bridge.tccom.identity import OBJECT_SERVER_ID, id_text
 from bridge.tccom.interfaces import describe
 from bridge.tccom.proxy import RemoteObjects, RemoteTargets
-from bridge.tccom.service import WAITING, ObjectService, ObjectsTakenError
+from bridge.tccom.service import THREADS, WAITING, ObjectService, ObjectsTakenError, _Once
 from tests.e2e.fault_stories import eventually
 
 ID = 0x71010000
@@ -398,6 +398,90 @@ def test_a_busy_object_does_not_keep_the_others_from_being_called(plant: Plant, 
             for thread in threads:
                 thread.join(30)
         assert other.start(1) == Answer(1.0)
+
+
+def test_who_reads_a_busy_object_does_not_keep_the_others_from_being_called(plant: Plant, remote: RemoteObjects) -> None:
+    """Symbols are read in the object's turn: so many readers wait for it, the next are refused."""
+    plant.server.add(Pump(), object_id=ID + 1, state=State.OP)
+    codes: list[int] = []
+
+    def read() -> None:
+        codes.append(code_of(lambda: remote.read_symbol(ID, "level.height")))
+
+    with plant.server.get(ID, IPump) as pump, plant.server.get(ID, IPump).turn():
+        threads = [threading.Thread(target=read) for _ in range(THREADS)]
+        for thread in threads:
+            thread.start()
+        assert eventually(lambda: codes.count(ADS_E_BUSY) == THREADS - WAITING)
+        assert code_of(lambda: remote.set_parameter(ID + 1, "gain", 2.0)) == 0
+        assert pump.start(1) == Answer(1.0)
+    for thread in threads:
+        thread.join(30)
+
+
+def test_an_error_that_is_no_text_is_told(plant: Plant) -> None:
+    """What a module says may be made of a file's name; a caller is told all the same, and at once."""
+    error = AdsError(ADS_E_EXCEPTION, "no file \udcff")
+    answer = msgspec.msgpack.decode(plant.service._refused(error), type=CallAnswer)
+    assert (answer.result, answer.detail) == (ADS_E_EXCEPTION, "no file \\udcff")
+
+
+def test_answers_that_are_kept_have_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of their number, and of their bytes: what a module answers may be large."""
+    monkeypatch.setattr("bridge.tccom.service.ANSWERS_BYTES", 10)
+    once = _Once()
+    for number in range(5):
+        assert once.answer(str(number), lambda: b"1234") == b"1234"
+    assert list(once._answers) == ["3", "4"]
+    assert once.answer("large", lambda: b"1" * 100) == once.answer("large", lambda: b"another") == b"1" * 100
+    assert list(once._answers) == ["large"]
+
+
+def test_what_a_dead_caller_leaves_behind_keeps_nobody_waiting(plant: Plant, remote: RemoteObjects) -> None:
+    """An object that was made for it is slow to end: others come and hold meanwhile."""
+    Pump.blocked.clear()
+    dead = RemoteObjects(plant.bus, "plc1")
+    made = dead.create("Pump", IPump, state=State.OP, transient=True)
+    with plant.server.get(made.object_id, IPump).turn():
+        dead.close()
+        assert eventually(lambda: dead.owner not in plant.service._owners)
+        with remote.get(ID, IPump) as pump:
+            assert pump.start(1) == Answer(1.0)
+        assert len(plant.server.objects()) == 3
+    assert eventually(lambda: len(plant.server.objects()) == 2)
+
+
+def test_a_strangers_token_releases_nothing_of_ours(plant: Plant) -> None:
+    """Objects of the plant hold others under their ids; nobody on the bus is taken for one of them."""
+    plant.server.add(Controller(), object_id=ID + 1, parameters={"pump": ID}, state=State.OP)
+    stranger = plant.bus.alive(keys.verb_key("live", "plc1", "@alive", HOLDER, id_text(ID + 1)))
+    assert eventually(lambda: id_text(ID + 1) in plant.service._owners)
+    stranger.close()
+    assert eventually(lambda: id_text(ID + 1) not in plant.service._owners)
+    for thread in threading.enumerate():
+        if thread.name == "release":
+            thread.join(30)
+    assert plant.server.object_info(ID).references == 2
+
+
+def test_a_handle_is_for_its_object(plant: Plant, remote: RemoteObjects) -> None:
+    """A call with the handle of another object, e.g. one from before a restart, is not carried out."""
+    with remote.get(ID, IPump) as pump:
+        assert pump.start(1) == Answer(1.0)
+        arguments = msgspec.Raw(msgspec.msgpack.encode({"speed": 1.0}))
+        info = describe(IPump)
+        call = Call(
+            id=new_id(),
+            object_id=ID + 1,
+            owner=remote.owner,
+            handle=1,
+            interface=info.id,
+            method="start",
+            arguments=arguments,
+        )
+        assert plant.ask(call, Access.CALL).unheld
+        assert not plant.ask(msgspec.structs.replace(call, id=new_id(), object_id=ID), Access.CALL).unheld
+        assert plant.pump.started == 2
 
 
 def test_a_call_that_takes_too_long_is_unknown(plant: Plant) -> None:
