@@ -110,6 +110,8 @@ class Listener(Handover):
         self._doubles: set[TwoLoggers] = set()
         self._gone: dict[str, str] = {}
         self._replacing = threading.Lock()
+        self._out: list[Item] = []
+        self._handing_over = threading.Lock()
         receiving = Receiving(
             wants=lambda key: self._sieve.wants(key),
             is_there=lambda session: self._attendance.is_there(session),
@@ -117,7 +119,8 @@ class Listener(Handover):
             repaired=self._take_repaired,
             lost=self._state_is_unsure,
             beat=self._take_beat,
-            put=lambda items: self._inbox.put(items),
+            put=self._out.extend,
+            hand_over=self._hand_over,
         )
         self._losses = Losses(
             bus, realm, receiving, limits=limits, counters=self.counters, work=self._work, closed=self._closed
@@ -152,17 +155,27 @@ class Listener(Handover):
 
     def _drain(self, receiver: Receiver) -> None:
         while arrivals := receiver.receive_now(BATCH) or self._rest(receiver):
-            out: list[Item] = []
             for arrival in arrivals:
                 with self._work:
-                    self._take(arrival, out)
-                if len(out) >= HAND_OVER_ITEMS:
-                    self._inbox.put(out)
-                    out = []
+                    self._take(arrival, self._out)
+                    many = len(self._out) >= HAND_OVER_ITEMS
+                if many:
+                    self._hand_over()
                     time.sleep(0)  # lets the user's thread in while what it takes is still in the processor's cache
+            self._hand_over()
+            self._rounds[receiver] += 1
+
+    def _hand_over(self) -> None:
+        """Put what was taken in into the user's queue, in the order in which it was; called without _work.
+
+        Else one thread could overtake another between taking in and putting, with events of one key.
+        """
+        with self._handing_over:
+            with self._work:
+                out = self._out.copy()
+                self._out.clear()
             if out:
                 self._inbox.put(out)
-            self._rounds[receiver] += 1
 
     def _rest(self, receiver: Receiver) -> list[Arrival]:
         """Wait for more; meanwhile nothing that came is still to be handed over."""
@@ -343,31 +356,31 @@ class Listener(Handover):
             self._note_logger(who.target, who.session)
         if self._gone.pop(who.target, None) is None:
             return
-        out: list[Item] = []
         with self._work:
-            self._resync(who.target, out)
-        self._inbox.put([*out, LoggerBack(who.target, who.session)])
+            self._resync(who.target, self._out)
+            self._out.append(LoggerBack(who.target, who.session))
+        self._hand_over()
 
     def _left(self, who: Token, gone: bool) -> None:
         target, role, session = who
-        out: list[Item] = []
         clean = gone and self._losses.farewell(session)
         with self._work:
             if self._loggers.get(target) == session and not clean:
                 del self._loggers[target]
             if gone and role == "logger":
                 self._gone[target] = session
-                out.append(LoggerGone(target, session, clean))
+                self._out.append(LoggerGone(target, session, clean))
                 if not clean and self._table is not None:
                     self._table.suspect(target)
             if gone and not clean and self.tracker.heard(session):
                 self.counters.tails_unknown += 1
-                out.append(TailUnknown(target, session))
-        if out:
-            self._inbox.put(out)
+                self._out.append(TailUnknown(target, session))
+        self._hand_over()
 
     def _connected(self, there: bool) -> None:
-        self._inbox.put([BusBack() if there else BusLost()])
+        with self._work:
+            self._out.append(BusBack() if there else BusLost())
+        self._hand_over()
 
     # What the user asks of a listener; how items are handed over is in handover.py.
 
@@ -400,8 +413,9 @@ class Listener(Handover):
                 if self._table is not None:
                     for target in sieve.targets:
                         self._resync(target, out)
+                self._out.extend(out)
             if out:
-                self._inbox.put(out)
+                self._hand_over()
             self._start(self._receivers, fresh_beats)
             silent = self.settle()
             for receiver in (*receivers, *(beats if fresh_beats else ())):

@@ -39,7 +39,7 @@ class Receiving(NamedTuple):
     wants(key): are its events taken. is_there(session): can it still be asked. progress(): a test whether all that had come
     when it was made is handed over by now. repaired(heard, out): take an event that came late, in its place. lost(target,
     missing, out): what was made of these events is no longer sure. beat(beat, out): a sender speaks, before its tails are dealt
-    with. put(out): hand items over.
+    with. put(out): items to hand over, in their place, under the lock; hand_over(): do so, without the lock.
     """
 
     wants: Callable[[str], bool]
@@ -49,6 +49,7 @@ class Receiving(NamedTuple):
     lost: Callable[[str, Missing, list[Item]], None]
     beat: Callable[[Beat, list[Item]], None]
     put: Callable[[list[Item]], None]
+    hand_over: Callable[[], None]
 
 
 class Losses:
@@ -214,8 +215,9 @@ class Losses:
             if beat.final:
                 self._end(beat.session)
             self._beat_seen.notify_all()
-        if out:
             self._receiving.put(out)
+        if out:
+            self._receiving.hand_over()
         return bool(tails)
 
     def _end(self, session: str) -> None:

@@ -2,7 +2,7 @@
 
 import asyncio
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import msgspec
 import pytest
@@ -26,7 +26,9 @@ from bridge.core import codec, keys
 from bridge.core.events import AlarmCleared, AlarmConfirmed, AnyEvent, Event
 from bridge.core.sequence import Beat
 from bridge.edges.bus import ALONE, Bus
+from bridge.notices import Item
 from bridge.testing.builders import alarm_raised
+from tests.unit.logger.logger_stories import eventually
 
 CLASS = "54cc5482-ad79-4cdc-8c3e-b3983b36ed66"
 OTHER = "0a1b2c3d-0000-4000-8000-000000000001"
@@ -194,3 +196,32 @@ def test_events_of_other_realms_are_not_heard(bus: Bus) -> None:
         assert isinstance(event, Event)
         assert event.event_id == 2
         assert listener.get(0) is None
+
+
+def test_no_thread_overtakes_another_on_the_way_to_the_queue(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+    """While a filter is replaced two subscriptions bring the same keys; what was taken in first is handed over first."""
+    with Listener(bus) as listener, Publisher(bus, "plc1") as publisher:
+        assert listener.wait_for_beat(publisher.session, timeout_s=30)
+        held, overtaken = threading.Event(), threading.Event()
+        put = listener._inbox.put
+
+        def put_first_late(items: Sequence[Item]) -> None:
+            if any(isinstance(item, Event) for item in items):
+                if held.is_set():
+                    overtaken.set()
+                else:
+                    held.set()
+                    overtaken.wait(1.0)
+            put(items)
+
+        monkeypatch.setattr(listener._inbox, "put", put_first_late)
+        publisher.send_message(CLASS, 1, Severity.INFO)
+        assert held.wait(30)
+        replacing = threading.Thread(target=listener.replace_filter, args=("event_id > 0",))
+        replacing.start()
+        assert eventually(lambda: len(listener._threads) > 2)
+        publisher.send_message(CLASS, 2, Severity.INFO)
+        replacing.join(30)
+        numbers = [item.event_id for item in (listener.get(30), listener.get(30)) if isinstance(item, Event)]
+        assert numbers == [1, 2]
+        assert not replacing.is_alive()
