@@ -76,7 +76,7 @@ class _Tap(logging.Handler):
             logging.lastResort.handle(record)
         try:
             self._take(record)
-        except Exception:
+        except Exception:  # noqa: BLE001 - whatever an argument's own code raises
             self.handleError(record)  # a call that does not fit its text: who logs goes on, as with every other handler
 
 
