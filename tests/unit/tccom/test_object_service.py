@@ -451,16 +451,17 @@ def test_what_a_dead_caller_leaves_behind_keeps_nobody_waiting(plant: Plant, rem
     assert eventually(lambda: len(plant.server.objects()) == 2)
 
 
-def test_a_strangers_token_releases_nothing_of_ours(plant: Plant) -> None:
+def test_a_strangers_token_releases_nothing_of_ours(plant: Plant, monkeypatch: pytest.MonkeyPatch) -> None:
     """Objects of the plant hold others under their ids; nobody on the bus is taken for one of them."""
+    released: list[int] = []
+    release = plant.server.release_owner
+    monkeypatch.setattr(plant.server, "release_owner", lambda owner: released.append(release(owner)))
     plant.server.add(Controller(), object_id=ID + 1, parameters={"pump": ID}, state=State.OP)
     stranger = plant.bus.alive(keys.verb_key("live", "plc1", "@alive", HOLDER, id_text(ID + 1)))
     assert eventually(lambda: id_text(ID + 1) in plant.service._owners)
     stranger.close()
     assert eventually(lambda: id_text(ID + 1) not in plant.service._owners)
-    for thread in threading.enumerate():
-        if thread.name == "release":
-            thread.join(30)
+    assert eventually(lambda: released == [0])
     assert plant.server.object_info(ID).references == 2
 
 
