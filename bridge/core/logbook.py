@@ -11,7 +11,8 @@ Rule 4: a unique id belongs to a message or to an alarm life and is given when i
 a second raise begins another one.
 Rule 5: no clock here. "Now" comes in with each call.
 Rule 6: who created or raised an alarm last, from a session of its own, is its source: when that session is gone without a
-last word, what it left raised is suspect; when it is back, it is not. Refused calls count: the source has spoken.
+last word, what it left raised is suspect; when it is back, it is not. Refused calls count: the source has spoken. A command
+of a session that is gone was on its way before: what it raises is suspect too, and it takes no mark off.
 """
 
 from collections.abc import Iterable, Mapping
@@ -58,6 +59,8 @@ from bridge.core.questions import PART_ITEMS, CommandAnswer, CommandQuestion, St
 
 ANSWERS_KEPT: Final = 10_000
 """How many commands are known by their id; at 100 commands a second that is more than a minute and a half."""
+GONE_KEPT: Final = 1_000
+"""How many sources that are gone are remembered, for commands of theirs that come later."""
 NAME_CHARS: Final = 255
 COMMENT_CHARS: Final = 1024
 _MAX_ID: Final = 2**32 - 1
@@ -144,6 +147,7 @@ class Logbook:
         self.marks = 0
         """How often marks were set or taken off without an event that tells it."""
         self._sources: dict[AlarmKey, str] = {}
+        self._gone: dict[str, None] = {}
         self._lives: dict[AlarmKey, int] = {}
         self._answers: dict[str, tuple[int, CommandAnswer]] = {}
         self._answers_kept = answers_kept
@@ -181,11 +185,12 @@ class Logbook:
             command = msgspec.structs.replace(command, time_ns=now_ns)
         if (replayed := self._replayed(command)) is not None:
             return self.refuse(question, ADS_E_INVALIDACCESS, replayed)
-        if isinstance(command, Create | Raise | Clear) and self.table.mark((command.key,), suspect=False):
-            self.marks += 1
+        if question.session not in self._gone:
+            if isinstance(command, Create | Raise | Clear) and self.table.mark((command.key,), suspect=False):
+                self.marks += 1
+            if isinstance(command, Create | Raise) and command.key in self.table.alarms:
+                self._sources[command.key] = question.session
         alarm = self.table.alarms.get(command.key)
-        if alarm is not None and isinstance(command, Create | Raise):
-            self._sources[command.key] = question.session
         try:
             events = decide(alarm, command)
             if isinstance(command, Create):
@@ -226,6 +231,10 @@ class Logbook:
         changes, seq = Changes(), 0
         for event in events:
             changes, seq = self.replay(event, arrival_ns), event.seq
+        if question.session in self._gone and isinstance(question.command, Raise):
+            self._sources[question.command.key] = question.session
+            marked = self._marked(question.session, suspect=True)
+            changes = msgspec.structs.replace(changes, alarms=marked.alarms or changes.alarms)
         answer = self._answer(question, 0, self.table.alarms.get(question.command.key), seq=seq)
         changes = msgspec.structs.replace(changes, answered=(self._answered(answer, question),))
         return Outcome(self._remember(question, answer), changes)
@@ -296,10 +305,14 @@ class Logbook:
 
     def source_gone(self, session: str) -> Changes:
         """The source with this session is gone without a last word: what it left raised is suspect."""
+        self._gone[session] = None
+        if len(self._gone) > GONE_KEPT:
+            del self._gone[next(iter(self._gone))]
         return self._marked(session, suspect=True)
 
     def source_back(self, session: str) -> Changes:
         """The source with this session could not be reached, and is there again."""
+        self._gone.pop(session, None)
         return self._marked(session, suspect=False)
 
     def _marked(self, session: str, *, suspect: bool) -> Changes:

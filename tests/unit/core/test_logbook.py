@@ -18,7 +18,7 @@ from bridge.core.hresult import (
     ERROR_ALREADY_EXISTS,
     S_OK,
 )
-from bridge.core.logbook import Changes, Kept, Logbook, Plan
+from bridge.core.logbook import GONE_KEPT, Changes, Kept, Logbook, Plan
 from bridge.core.questions import CommandAnswer, CommandQuestion
 from bridge.testing.builders import EVENT_CLASS, TARGET, TIME_NS, alarm_cleared, alarm_disposed, alarm_raised, message_sent
 
@@ -448,6 +448,38 @@ def test_a_source_that_speaks_again_takes_the_mark_off() -> None:
     assert len(clerk.book.source_gone("pump again").alarms) == 1
     clerk.ask(Dispose(key=KEY))
     assert clerk.book.source_back("pump again") == Changes()
+
+
+def test_what_a_source_asked_for_before_it_died_leaves_suspect_alarms_too() -> None:
+    """Its commands may be carried out after its end was told: nobody stands for those alarms, until it is back."""
+    clerk = Clerk()
+    early, late = (AlarmKey(TARGET, EVENT_CLASS, number) for number in (1, 2))
+    for key in (early, late):
+        clerk.ask(create(key), session="pump")
+    clerk.ask(Raise(key=early), session="pump")
+    clerk.book.source_gone("pump")
+    marks = clerk.book.marks
+    raised = clerk.ask(Raise(key=late), session="pump")
+    assert raised.alarm is not None
+    assert raised.alarm.suspect
+    assert [kept.alarm.suspect for kept in clerk.stored[-1].alarms] == [True]
+    assert clerk.book.marks == marks + 1
+    assert clerk.ask(Raise(key=early), session="pump").result == ADS_E_INVALIDSTATE
+    assert clerk.book.table.suspects(TARGET) == (early, late)
+    assert len(clerk.book.source_back("pump").alarms) == 2
+    clerk.ask(Clear(key=late, reset_confirmation=True), session="pump")
+    clerk.ask(Raise(key=late), session="pump")
+    assert clerk.book.table.suspects(TARGET) == ()
+
+
+def test_only_so_many_sources_that_are_gone_are_remembered() -> None:
+    """What a session of long ago asked for has come by now."""
+    clerk = Clerk()
+    clerk.ask(create(), session="0")
+    for number in range(GONE_KEPT + 1):
+        clerk.book.source_gone(str(number))
+    clerk.ask(Raise(key=KEY), session="0")
+    assert clerk.book.table.suspects(TARGET) == ()
 
 
 def test_the_session_of_a_source_has_a_limit() -> None:
