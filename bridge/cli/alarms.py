@@ -9,7 +9,7 @@ from cyclopts import Group, Parameter
 
 from bridge.cli.exits import Exit, Usage
 from bridge.cli.options import COMMON, Common, catalog, note, open_bus, parse_filter
-from bridge.cli.recordings import known_classes, recordings
+from bridge.cli.recordings import known_classes, recordings, tell_damages
 from bridge.cli.show import View, console, on_terminal, print_json
 from bridge.cli.signals import Interrupted
 from bridge.config import Settings
@@ -112,7 +112,7 @@ def _recorded(files: tuple[Path, ...], at: str | None, filter: str, settings: Se
     _show(View(known, settings.lang), _chosen(there, expr, all=all), as_json=as_json, title=title)
     if standing.missing:
         note(f"{standing.missing:,} events are missing since the last keyframe; the alarms may have been others")
-    return Exit.LOST if standing.missing else Exit.OK
+    return tell_damages(standing.damages) or (Exit.LOST if standing.missing else Exit.OK)
 
 
 def _known(listener: "Listener") -> list[Alarm]:

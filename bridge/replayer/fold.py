@@ -107,7 +107,9 @@ def replay_into(
         sink.load_state(frame)
 
     if start_ns is not None:
-        for frame in standing_at(paths, start_ns - 1).frames():
+        scene = standing_at(paths, start_ns - 1)
+        report.truncated = bool(scene.damages)
+        for frame in scene.frames():
             load(frame)
     for item in entries(paths, Part(start_ns=start_ns or 0, end_ns=end_ns), report):
         if isinstance(item, RecordedState):

@@ -232,6 +232,7 @@ class Player:
     def _play(self, at_ns: int) -> bool:
         """Play from a moment to the end, or until told otherwise; whether anything was played."""
         scene = standing_at(self._paths, at_ns - 1)
+        self.report.truncated |= bool(scene.damages)
         items = entries(self._paths, Part(start_ns=at_ns, end_ns=self._end_ns), self.report)
         played = entered = False
         try:

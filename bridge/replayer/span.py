@@ -11,7 +11,7 @@ from decimal import Decimal, InvalidOperation
 import msgspec
 
 from bridge.core.times import NS_PER_S, TimeError, check_time, parse_time, time_text
-from bridge.edges.recording import summary
+from bridge.edges.recording import keyframe_places, summary
 
 
 class Span(msgspec.Struct, frozen=True, kw_only=True):
@@ -49,12 +49,14 @@ class Span(msgspec.Struct, frozen=True, kw_only=True):
 
 def span_of(paths: Iterable[str | os.PathLike[str]]) -> Span:
     """The span of recordings, from their summaries where they have one. RecordingError for a file that is no recording."""
-    all_totals = [summary(path).totals for path in paths]
+    infos = [summary(path) for path in paths]
+    all_totals = [info.totals for info in infos]
+    standing = {target for info in infos if info.totals.states for _, target in keyframe_places(info.path)}
     return Span(
         first_ns=min((totals.first_log_time_ns for totals in all_totals if totals.last_log_time_ns), default=0),
         last_ns=max((totals.last_log_time_ns for totals in all_totals), default=0),
         events=sum(totals.events for totals in all_totals),
-        targets=frozenset(count.target for totals in all_totals for count in totals.counts),
+        targets=frozenset(count.target for totals in all_totals for count in totals.counts) | standing,
     )
 
 

@@ -18,7 +18,7 @@ from bridge.edges.recording.layout import (
     RejectedPayload,
     StateFrame,
 )
-from bridge.edges.recording.moment import standing_at
+from bridge.edges.recording.moment import keyframe_places, standing_at
 from bridge.edges.recording.reader import (
     EVERYTHING,
     Part,
@@ -76,6 +76,7 @@ __all__ = [
     "copy_part",
     "diagnose",
     "joined",
+    "keyframe_places",
     "leftovers",
     "missing_parts",
     "read_events",

@@ -4,7 +4,7 @@ Rule 1: bytes of events, log times, gaps, rejected payloads and keyframes stay a
 Rule 2: who starts in the middle starts with a keyframe of each logger: the alarms as they were right before.
 Rule 3: an event that is in several files is written once. A gap record loses what another of the files has.
 Rule 4: the new file is as complete as its part of the old ones: a tail is unknown when it reaches to the end of a file whose
-tail is unknown, or that is cut or damaged.
+tail is unknown, or that is cut or damaged; also when a damage was met on the way, or stands before the start.
 Rule 5: with a filter, keyframes have the alarms that it takes by their state.
 """
 
@@ -43,6 +43,7 @@ from bridge.edges.recording.reader import (
     RecordedState,
 )
 from bridge.edges.recording.series import Series, read_series
+from bridge.edges.recording.standing import Standing
 from bridge.edges.recording.viewer import Viewer
 from bridge.edges.recording.writer import RecordingWriter
 
@@ -80,7 +81,7 @@ def copy_part(
     """
     infos = [summary(source) for source in sources]
     brought = [carried(source) for source in sources]
-    before = standing_at(sources, part.start_ns - 1, on_progress=on_progress).frames() if part.start_ns else []
+    before = standing_at(sources, part.start_ns - 1, on_progress=on_progress) if part.start_ns else Standing()
     fills = _fills(infos, part)
     writer = RecordingWriter(
         target,
@@ -92,13 +93,13 @@ def copy_part(
     try:
         report = Copied(writer.path)
         with read_series(sources, part) as series:
-            _write(series, writer, part, before, fills, report, on_progress)
-            report.damages, report.filled = dict(series.damages), fills.filled
+            _write(series, writer, part, before.frames(), fills, report, on_progress)
+            report.damages, report.filled = before.damages | series.damages, fills.filled
         for each in brought:
             for name, texts in each.metadata:
                 if name != RECOVERED_METADATA:
                     writer.add_metadata(name, texts)
-        writer.finish(_unknown_tails(infos, part))
+        writer.finish(_unknown_tails(infos, part, report.damages, before.damages))
     except BaseException:
         writer.abandon()
         with contextlib.suppress(OSError):
@@ -190,11 +191,16 @@ def _attachments(brought: Iterable[Carried]) -> list[Attachment]:
     return list(found.values())
 
 
-def _unknown_tails(infos: Sequence[RecordingInfo], part: Part) -> tuple[str, ...]:
-    """The tails that are unknown in the new file: of the sources to whose end it reaches."""
+def _unknown_tails(
+    infos: Sequence[RecordingInfo], part: Part, damages: Collection[Path], before: Collection[Path]
+) -> tuple[str, ...]:
+    """The tails that are unknown in the new file: of the sources to whose end it reaches, or whose damage was met."""
     tails: dict[str, None] = {}
     for info in infos:
-        if part.end_ns is None or part.end_ns > info.totals.last_log_time_ns:
+        path = Path(info.path)
+        if path in before or (info.damage is None and path in damages):  # the summary did not tell of it
+            tails["*"] = None
+        elif part.end_ns is None or part.end_ns > info.totals.last_log_time_ns:
             tails.update(dict.fromkeys(("*",) if info.damage is not None else info.totals.unknown_tails))
     return tuple(tails)
 

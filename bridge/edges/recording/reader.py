@@ -45,6 +45,8 @@ from bridge.edges.recording.tally import Tally
 
 SORT_BYTES: Final = 128 << 20
 _MESSAGE_COST: Final = 250
+_KEYFRAME_NS: Final = 10_000
+"""More than the parts of a keyframe have: each has the nanosecond behind the one before."""
 _LATEST: Final = 2**64
 _HOSTILE: Final = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
 
@@ -179,8 +181,10 @@ class Interpretation:
             item = interpret(raw)
         except _HOSTILE as error:
             item = _rejection(channel.topic, channel.message_encoding, raw, str(error))
-        if self._tally is not None and item is not None:
-            _count(self._tally, item)
+        if self._tally is not None:
+            self._tally.time(raw.log_time)
+            if item is not None:
+                _count(self._tally, item)
         return item
 
     def _interpreter(self, channel: Channel) -> Interpreter | None:
@@ -191,7 +195,6 @@ class Interpretation:
 
 
 def _count(tally: Tally, item: Recorded) -> None:
-    tally.time(item.log_time_ns)
     match item:
         case RecordedEvent():
             tally.event_time(item.event.time_ns)
@@ -214,6 +217,7 @@ class Part(msgspec.Struct, frozen=True, kw_only=True):
     """Which part of a recording. None is every one; times are log times (when it arrived), start_ns <= t < end_ns.
 
     A gap, a rejected payload or a keyframe is left out only when its key or target says that it is of something else.
+    A keyframe in several messages is of the time of the last.
     `filter` is asked about events; it may name a class only by its GUID, unless it was resolved.
     """
 
@@ -256,7 +260,8 @@ class RecordingReader:
         self._matches = None if part.filter is None else compile_filter(part.filter)
         self._frames = Frames(path)
         self._interpret = Interpretation(self._frames, limits)
-        self._frames.only(self._may_hold, part.start_ns, _LATEST if part.end_ns is None else part.end_ns)
+        first_ns = max(0, part.start_ns - _KEYFRAME_NS)  # a keyframe is of the time of its last part
+        self._frames.only(self._may_hold, first_ns, _LATEST if part.end_ns is None else part.end_ns)
         self.read_through = "everything was asked for" if part.is_all else self._frames.use_index()
         self._items = self._read()
 
@@ -310,11 +315,11 @@ class RecordingReader:
         return place is not None and "events" in self._part.only and self._places(place.target, place.event_class)
 
     def _read(self) -> Generator[Recorded, None, None]:
-        interpret, whole = self._interpret, self._part.is_all
+        interpret, whole, start_ns = self._interpret, self._part.is_all, self._part.start_ns
         try:
             for raw in in_log_order(self._frames):
                 item = interpret(raw)
-                if item is not None and (whole or self._is_of_part(item)):
+                if item is not None and (whole or (raw.log_time >= start_ns and self._is_of_part(item))):
                     yield item
         finally:
             self._frames.close()

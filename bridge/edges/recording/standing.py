@@ -7,9 +7,11 @@ Rule 3: it can be cut: what frames() gives, followed by the rest of the recordin
 """
 
 from collections.abc import Iterable
+from pathlib import Path
 
 from bridge.core.alarms import Alarm, AlarmTable
 from bridge.core.events import AlarmEvent
+from bridge.edges.recording.frames import Damage
 from bridge.edges.recording.layout import StateFrame
 
 
@@ -22,6 +24,8 @@ class Standing:
         self._last: dict[tuple[str, str], int] = {}
         self.missing = 0
         """How many events are missing since the last keyframes that may have been transitions."""
+        self.damages: dict[Path, Damage] = {}
+        """What is wrong with files in which transitions may have been that were not read."""
 
     def event(self, realm: str, event: AlarmEvent) -> None:
         """Fold in a transition."""

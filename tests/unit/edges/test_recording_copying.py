@@ -27,11 +27,13 @@ from bridge.edges.recording import (
     StateFrame,
     copy_part,
     read_events,
+    read_series,
     scan,
     standing_at,
     summary,
 )
 from bridge.edges.recording import series as series_module
+from bridge.edges.recording.index import read_index
 from tests.unit.edges.recording_stories import (
     ABOUT,
     AXIS,
@@ -263,3 +265,38 @@ def test_files_before_one_that_begins_anew_are_not_read(tmp_path: Path, monkeypa
     write(tmp_path / "d.mcap", [(60, raised(2))], frames)
     standing_at([one, other, tmp_path / "c.mcap", tmp_path / "d.mcap"], START * 2)
     assert set(opened) == {"c.mcap", "d.mcap"}
+
+
+def test_keyframes_of_a_logger_of_which_nothing_else_was_heard_are_needed(tmp_path: Path) -> None:
+    """A later file that begins anew for others does not make its alarms unknown."""
+    quiet = replace(STATE, target="plc2", session="s9", alarms=(replace(STATE.alarms[0], target="plc2", session="s9"),))
+    with RecordingWriter(tmp_path / "a.mcap", about=ABOUT) as writer:
+        writer.add_state(quiet, START)
+    with RecordingWriter(tmp_path / "b.mcap", about=ABOUT) as writer:
+        record(writer, raised(1), START + 100)
+    write(tmp_path / "c.mcap", [(9, raised(5))], [StateFrame(realm="live", target="plc1", session="s1", seq=1)])
+    paths = [tmp_path / name for name in ("a.mcap", "b.mcap", "c.mcap")]
+    with read_series(paths) as items:
+        wanted = fold(items)
+    assert {alarm.target for alarm in wanted} == {"plc1", "plc2"}
+    assert sorted(standing_at(paths, START * 2).alarms(), key=lambda alarm: alarm.event_id) == wanted
+
+
+@pytest.mark.parametrize("part", [EVERYTHING, Part(start_ns=START + 900_000)])
+def test_a_damage_that_the_summary_does_not_know_of_makes_no_complete_copy(tmp_path: Path, part: Part) -> None:
+    """Whether it is met on the way, or stands before the start, where the alarms were to be found."""
+    path = tmp_path / "a.mcap"
+    with RecordingWriter(path, compression="none") as writer:
+        for number in range(50):
+            record(writer, raised(number + 1), START + 20_000 * number)
+            writer.flush()
+    data = bytearray(path.read_bytes())
+    with open(path, "rb") as file:
+        place = read_index(file, len(data), lambda channel: True).chunks[25]
+    data[place.offset + 120] ^= 1
+    path.write_bytes(bytes(data))
+    assert summary(path).complete == "yes"  # the doctor would find it
+    report = copy_part([path], tmp_path / "b.mcap", part)
+    assert list(report.damages) == [path]
+    assert summary(tmp_path / "b.mcap").complete == "tail unknown"
+    assert summary(copy_part([path], tmp_path / "c.mcap", Part(end_ns=START + 400_000)).path).complete == "yes"

@@ -23,6 +23,8 @@ from bridge.edges.recording import (
     RecordingWriter,
     StateFrame,
     read_events,
+    scan,
+    summary,
 )
 from bridge.edges.recording.index import IndexFault, read_index
 from tests.unit.edges.recording_stories import (
@@ -42,6 +44,7 @@ from tests.unit.edges.recording_stories import (
 )
 
 TARGETS = ("plc1", "plc2")
+STEP = 20_000
 
 
 def write_plant(path: Path, *, events: int = 60, compression: Compression = "zstd") -> list[Recorded]:
@@ -51,14 +54,14 @@ def write_plant(path: Path, *, events: int = 60, compression: Compression = "zst
             writer.add_state(StateFrame(realm="live", target=target, session="s1", seq=0), START)
         for number in range(events):
             event = message(number, (AXIS, PUMP)[number // 15 % 2], TARGETS[number % 2])
-            record(writer, event, START + 10 * number, (codec.JSON, codec.MSGPACK)[number // 4 % 2])
+            record(writer, event, START + STEP * number, (codec.JSON, codec.MSGPACK)[number // 4 % 2])
             if number == 33:
-                writer.add_gap(GAP, START + 10 * number + 1)
-                writer.add_rejected("tc3/1/live/plc2/event/x", codec.JSON, b"\xff{", "no JSON", START + 10 * number + 2)
+                writer.add_gap(GAP, START + STEP * number + 1)
+                writer.add_rejected("tc3/1/live/plc2/event/x", codec.JSON, b"\xff{", "no JSON", START + STEP * number + 2)
             if number % 10 == 9:
                 writer.flush()
-        record(writer, raised(90), START + 10 * events)
-        record(writer, cleared(90), START + 10 * events + 1)
+        record(writer, raised(90), START + STEP * events)
+        record(writer, cleared(90), START + STEP * events + 1)
     return everything(path)
 
 
@@ -144,12 +147,12 @@ def test_only_chunks_that_can_match_are_opened(tmp_path: Path) -> None:
     """With every other chunk overwritten by nonsense the part is still whole: they are not looked at."""
     path = tmp_path / "a.mcap"
     items = write_plant(path, compression="none")
-    part = Part(start_ns=START + 150, end_ns=START + 190, only=frozenset({"events"}))
+    part = Part(start_ns=START + 15 * STEP, end_ns=START + 19 * STEP, only=frozenset({"events"}))
     wanted = by_hand(items, part)
     data = bytearray(path.read_bytes())
     with open(path, "rb") as file:
         chunks = read_index(file, len(data), lambda channel: True).chunks
-        needed = read_index(file, len(data), lambda channel: True, part.start_ns, START + 190).chunks
+        needed = read_index(file, len(data), lambda channel: True, part.start_ns, START + 19 * STEP).chunks
     assert 0 < len(needed) < len(chunks) - 3
     for chunk in chunks:
         if chunk not in needed:
@@ -219,7 +222,7 @@ def test_a_damaged_index_is_not_asked(tmp_path: Path, place: int) -> None:
     data = bytearray(path.read_bytes())
     data[place] ^= 4
     path.write_bytes(bytes(data))
-    part = Part(start_ns=START + 100, classes=frozenset({PUMP}))
+    part = Part(start_ns=START + 10 * STEP, classes=frozenset({PUMP}))
     with read_events(path, part) as reader:
         assert list(reader) == by_hand(items, part)
         assert reader.read_through != ""
@@ -278,12 +281,17 @@ def test_who_recorded_is_known_from_the_index_too(tmp_path: Path) -> None:
 
 
 def test_a_keyframe_of_many_parts_is_whole_or_not_there(tmp_path: Path) -> None:
-    """A part of a recording that begins inside a keyframe begins after it."""
+    """It is of the time of its last part: what begins inside it has it, what ends inside it has not, and nobody loses it."""
     alarms = tuple(fold(raised(number + 1) for number in range(2500)).active())
     path = tmp_path / "a.mcap"
     with RecordingWriter(path) as writer:
         last = writer.add_state(StateFrame(realm="live", target="plc1", session="s", seq=9, alarms=alarms), START)
         record(writer, message(1), START + 10)
     assert kinds(read(path, Part(start_ns=START, only=frozenset({"states"})))) == ["s"]
-    assert kinds(read(path, Part(start_ns=START + 1))) == ["e"]
+    for start_ns in range(START, last + 1):
+        (state, _) = read(path, Part(start_ns=start_ns))
+        assert isinstance(state, RecordedState)
+        assert state.state.alarms == alarms
+    assert kinds(read(path, Part(start_ns=last + 1))) == ["e"]
     assert kinds(read(path, Part(start_ns=START, end_ns=last))) == []
+    assert scan(path).totals == summary(path).totals
