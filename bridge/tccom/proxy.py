@@ -33,11 +33,12 @@ from bridge.core.hresult import (
     ADS_E_NOTFOUND,
     ADS_E_SRVNOTSUPP,
     ADS_E_TIMEOUT,
+    E_POINTER,
     S_OK,
     AdsError,
     raise_if_failed,
 )
-from bridge.edges.bus import Bus, Closable
+from bridge.edges.bus import Bus, BusError, Closable
 from bridge.logger.presence import OBJECTS, Presence
 from bridge.tccom.calls import (
     HOLDER,
@@ -189,7 +190,9 @@ class RemoteObjects:
     def describe(self, object_id: ObjectId) -> ObjectText:
         """What an object is: its class, with parameters and symbols, and what can be called."""
         _, answer = self.ask(Describe(id=new_id(), object_id=object_id), Access.READ, wait=True)
-        return msgspec.convert(_value(answer, object), ObjectText)
+        text = _value(answer, ObjectText)
+        assert isinstance(text, ObjectText)
+        return text
 
     def call(self, object_id: ObjectId, interface: InterfaceId, method: str, arguments: Mapping[str, object]) -> Answer[object]:
         """Call a method by its name, with plain data."""
@@ -227,7 +230,10 @@ class RemoteObjects:
         """Show that this process holds objects there."""
         with self._lock:
             if self._token is None:
-                self._token = self.bus.alive(keys.verb_key(self.realm, self.target, "@alive", HOLDER, self.owner))
+                try:
+                    self._token = self.bus.alive(keys.verb_key(self.realm, self.target, "@alive", HOLDER, self.owner))
+                except BusError as error:
+                    raise AdsError(ADS_E_NOTFOUND, str(error)) from None
 
     def session(self, deadline_s: float) -> str:
         """The object server that is there now, waited for until then; AdsError (ADS_E_NOTFOUND)."""
@@ -239,10 +245,17 @@ class RemoteObjects:
         return min(there)
 
     def ask(
-        self, question: Question, access: Access, *, wait: bool = False, session: str | None = None
+        self,
+        question: Question,
+        access: Access,
+        *,
+        wait: bool = False,
+        session: str | None = None,
+        deadline_s: float | None = None,
     ) -> tuple[str, CallAnswer]:
         """The answer, and who gave it. wait: for somebody to be there; session: who is meant. AdsError as rule 1 says."""
-        deadline_s = time.monotonic() + self.timeout_s
+        if deadline_s is None:
+            deadline_s = time.monotonic() + self.timeout_s
         payload = msgspec.msgpack.encode(question)
         asked = ""
         while True:
@@ -254,9 +267,12 @@ class RemoteObjects:
                 break
             asked = meant
             key = keys.verb_key(self.realm, self.target, OBJECTS_VERB, access, meant)
-            for answer in self.bus.ask_each(key, payload, timeout_s=left_s, encoding=MSGPACK):
-                if not answer.error:
-                    return meant, _answer(answer.payload)
+            try:
+                for answer in self.bus.ask_each(key, payload, timeout_s=left_s, encoding=MSGPACK):
+                    if not answer.error:
+                        return meant, _answer(answer.payload)
+            except BusError as error:
+                raise AdsError(ADS_E_NOTFOUND, str(error)) from None
             if meant not in self._presence.sessions and (access is not Access.READ or session is not None):
                 break
             time.sleep(_STEP_S)
@@ -307,12 +323,18 @@ class RemoteObject:
         """One less. The last one lets go of the object there; a provider that is gone has let go already."""
         with self._lock:
             self._count -= 1
-            count, handle, session = self._count, self._handle, self._session
-        if count == 0 and handle:
+            count = self._count
+        if count == 0:
+            self._let_go()
+        return count
+
+    def _let_go(self) -> None:
+        with self._lock:
+            session, handle, self._handle = self._session, self._handle, 0
+        if handle:
             question = Release(id=new_id(), owner=self._target.owner, handle=handle)
             with contextlib.suppress(AdsError):
                 self._target.ask(question, Access.CALL, session=session)
-        return count
 
     def turn(self) -> AbstractContextManager[None]:
         """Nobody has an object alone over the bus: AdsError (ADS_E_SRVNOTSUPP)."""
@@ -325,7 +347,7 @@ class RemoteObject:
         """Hold it later: with its first call."""
         self._offers = (info.id,)
 
-    def hold(self, info: InterfaceInfo, *, wait: bool = False) -> None:
+    def hold(self, info: InterfaceInfo, *, wait: bool = False, deadline_s: float | None = None) -> None:
         """Hold the object that has the id now; AdsError."""
         self._target.show()
         question = Hold(
@@ -335,7 +357,7 @@ class RemoteObject:
             interface=info.id,
             fingerprint=info.fingerprint,
         )
-        session, answer = self._target.ask(question, Access.CALL, wait=wait)
+        session, answer = self._target.ask(question, Access.CALL, wait=wait, deadline_s=deadline_s)
         held = _held(answer)
         with self._lock:
             self._session, self._handle, self._offers = session, held.handle, held.interfaces
@@ -344,26 +366,41 @@ class RemoteObject:
         """Call it; when its provider was started anew, or has given it up, it is held again first."""
         encoded = _encoded(method.name, arguments)
         access = access_of(info.id, method.name)
+        deadline_s = time.monotonic() + self._target.timeout_s
         for _ in range(2):
-            with self._holding:
-                if self._session != self._target.session(0.0):
-                    self.hold(info)
+            session, handle = self._there(info, deadline_s)
             question = Call(
                 id=new_id(),
                 owner=self._target.owner,
-                handle=self._handle,
+                handle=handle,
                 object_id=self.object_id,
                 interface=info.id,
                 fingerprint=info.fingerprint,
                 method=method.name,
                 arguments=encoded,
             )
-            _, answer = self._target.ask(question, access, session=self._session)
+            _, answer = self._target.ask(question, access, session=session, deadline_s=deadline_s)
             if not answer.unheld:
                 return Answer(_value(answer, method.returns), answer.result)
             with self._lock:
-                self._session = ""
+                if (self._session, self._handle) == (session, handle):
+                    self._session = ""
         raise AdsError(ADS_E_NOTFOUND, f"{self} cannot be held")
+
+    def _there(self, info: InterfaceInfo, deadline_s: float) -> tuple[str, int]:
+        """The object server that is there, and the handle of the object with it: held anew when that is another one now."""
+        if not self._holding.acquire(timeout=max(0.0, deadline_s - time.monotonic())):
+            raise AdsError(ADS_E_TIMEOUT, f"{self} was to be held, and no answer came; nothing was done")
+        try:
+            if self._count and self._session != self._target.session(0.0):
+                self.hold(info, deadline_s=deadline_s)
+            with self._lock:
+                if self._count:
+                    return self._session, self._handle
+        finally:
+            self._holding.release()
+        self._let_go()
+        raise AdsError(E_POINTER, f"the reference to {self} was released")
 
 
 class RemoteTargets:

@@ -31,7 +31,8 @@ from bridge.core.hresult import (
     S_FALSE,
     AdsError,
 )
-from bridge.edges.bus import ALONE, Bus, BusConfig, open_bus
+from bridge.edges.bus import ALONE, Bus, BusConfig, Question, Reply, open_bus
+from bridge.logger.presence import OBJECTS, token_key
 from bridge.tccom import (
     DONE,
     Answer,
@@ -495,6 +496,58 @@ def test_a_call_that_takes_too_long_is_unknown(plant: Plant) -> None:
         Pump.blocked.set()
     assert raised.value.code == ADS_E_TIMEOUT
     assert time.monotonic() - begun < 10
+
+
+def test_no_call_waits_for_another_one_and_then_for_itself() -> None:
+    """A provider is there and does not answer: each of many calls of one reference ends as early as if it were the only one."""
+    ended = threading.Event()
+
+    def silent(_: Question) -> Iterator[Reply]:
+        ended.wait(30)
+        yield Reply(b"", MSGPACK)
+
+    with open_bus(ALONE) as bus, RemoteTargets(bus, timeout_s=0.5) as targets:
+        bus.alive(token_key("plc9", "live", "s", role=OBJECTS))
+        bus.answer(keys.verb_key("live", "plc9", OBJECTS_VERB, None, "s"), silent, threads=8)
+        took: list[float] = []
+
+        def work() -> None:
+            begun = time.monotonic()
+            assert code_of(lambda: reference.start(1)) == ADS_E_TIMEOUT
+            took.append(time.monotonic() - begun)
+
+        with targets("plc9", ID, IPump) as reference:
+            threads = [threading.Thread(target=work) for _ in range(8)]
+            for thread in threads:
+                thread.start()
+            for thread in threads:
+                thread.join(30)
+        ended.set()
+    assert len(took) == 8
+    assert max(took) < 2.0
+
+
+def test_a_call_that_is_late_holds_nothing_anew(plant: Plant, remote: RemoteObjects) -> None:
+    """Its reference was released meanwhile by another thread: nobody would ever let go of the object."""
+    reference = remote.get(ID, IPump)
+    method = reference.info.methods["start"]
+    arguments = method.bind((1.0,), {})
+    reference.safe_release()
+    assert code_of(lambda: reference.held.call(reference.info, method, arguments)) == E_POINTER
+    assert plant.server.object_info(ID).references == 1
+
+
+def test_a_bus_that_is_closed_is_an_error_like_others() -> None:
+    """Who calls knows one kind of error."""
+    bus = open_bus(ALONE)
+    plant, remote = Plant(bus), RemoteObjects(bus, "plc1")
+    reference = remote.get(ID, IPump)
+    bus.close()
+    assert code_of(lambda: reference.interface.start(1)) == ADS_E_NOTFOUND
+    assert code_of(lambda: remote.get(ID, IPump)) == ADS_E_NOTFOUND
+    reference.safe_release()
+    remote.close()
+    plant.close()
 
 
 def test_a_target_has_one_object_server(plant: Plant) -> None:
