@@ -44,11 +44,12 @@ class NameTakenError(RuntimeError):
 
 
 class NobodyError(RuntimeError):
-    """No program of that name answers; `reason` is what was heard instead, "" for nothing."""
+    """No program of that name answers; realm None is any, `reason` is what was heard instead, "" for nothing."""
 
-    def __init__(self, name: str, realm: str, reason: str = "") -> None:
+    def __init__(self, name: str, realm: str | None, reason: str = "") -> None:
         self.name, self.realm, self.reason = name, realm, reason
-        super().__init__(f"no recorder or player {name!r} answers in realm {realm}" + (f": {reason}" if reason else ""))
+        where = "any realm" if realm is None else f"realm {realm}"
+        super().__init__(f"no recorder or player {name!r} answers in {where}" + (f": {reason}" if reason else ""))
 
 
 class Present(NamedTuple):

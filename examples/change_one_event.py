@@ -35,4 +35,6 @@ def main(source: Path, target: Path) -> None:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 3:
+        sys.exit("usage: change_one_event.py RECORDING CHANGED")
     main(Path(sys.argv[1]), Path(sys.argv[2]))

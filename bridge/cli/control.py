@@ -57,7 +57,7 @@ def control(
         if len(found) > 1:
             raise Usage(f"{name} is in several realms, choose one with --realm: {', '.join(one.realm for one in found)}")
         if not found:
-            raise NobodyError(name, realm or "any realm")
+            raise NobodyError(name, realm)
         answer = tell(
             bus, name, told, realm=found[0].realm, operator=operator(settings), comment=comment, timeout_s=max(wait, 0.0)
         )
@@ -90,7 +90,7 @@ def _list(bus: "Bus", found: "list[Present]", *, as_json: bool) -> int:
         if as_json:
             print_json({"name": one.name, "role": one.role, "realm": one.realm, "status": facts})
         else:
-            more = ", ".join(f"{fact} {_text(value)}" for fact, value in facts.items() if fact != "state")
+            more = ", ".join(f"{fact} {_text(value)}" for fact, value in facts.items() if fact != "state" and value != "")
             rows.append([clean(one.name), one.role, clean(one.realm), _text(facts.get("state", "")), more])
     if not as_json:
         print_table(("Name", "Role", "Realm", "State", "Status"), rows)
@@ -104,7 +104,8 @@ def _show(one: "Present", answer: "ControlAnswer", *, as_json: bool) -> None:
         return
     print(f"{one.role} {clean(one.name)} in realm {clean(one.realm)}")
     for fact, value in answer.status.items():
-        print(f"  {fact}: {_text(value)}")
+        if value != "":
+            print(f"  {fact}: {_text(value)}")
     print(f"  takes: {', '.join(answer.takes)}")
 
 

@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 
 from bridge.cli import run
+from bridge.control import Control
+from bridge.core.control import Facts, Split
 from bridge.edges.bus import BusConfig, open_bus
 from bridge.replayer import Player
 from tests.e2e.fault_stories import ROOT, eventually
@@ -70,9 +72,21 @@ def test_control_lists_and_tells(bus_config: BusConfig, tmp_path: Path, capsys: 
         assert error.endswith(": a player takes no split\n")
         assert told(capsys, "control", "night", "seek", "never", *group)[0] == 1
         assert told(capsys, "control", "night", "seek", *group)[0] == 2
-        assert told(capsys, "control", "nobody", "--wait", "0", *group)[0] == 4
+        code, _, error = told(capsys, "control", "nobody", "--wait", "0", *group)
+        assert (code, error) == (4, "tcbridge: no recorder or player 'nobody' answers in any realm\n")
         assert told(capsys, "control", "night", "stop", *group)[0] == 0
         assert other.wait(30)
+
+
+def test_a_fact_that_is_empty_is_not_shown(bus_config: BusConfig, capsys: pytest.CaptureFixture[str]) -> None:
+    """An error that there is none of does not look like one; programs are told all the same."""
+    group = ("--scouting-group", bus_config.scouting_group)
+    facts: Facts = {"state": "recording", "events": 0, "error": ""}
+    with open_bus(bus_config) as bus, Control(bus, "night", "recorder", lambda question: None, lambda: facts, takes=(Split,)):
+        assert "error" not in told(capsys, "control", *group)[1]
+        code, shown, _ = told(capsys, "control", "night", *group)
+        assert (code, "events: 0" in shown, "error" in shown) == (0, True, False)
+        assert json.loads(told(capsys, "control", "night", "--json", *group)[1])["status"] == facts
 
 
 def test_alarms_of_a_recording_at_a_moment(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
