@@ -39,6 +39,10 @@ _LOOK_S: Final = 0.5
 """How long a wait lasts at most before the clock is looked at again."""
 
 
+class _ElsewhereError(Exception):
+    """Finding the state was given up: the player was told to stop, or to go elsewhere."""
+
+
 def new_realm() -> str:
     """A realm for one replay: replay-<8 hex>."""
     return f"replay-{os.urandom(4).hex()}"
@@ -204,7 +208,8 @@ class Player:
         try:
             at_ns: int | None = self._start_ns
             while at_ns is not None:
-                at_ns = self._next_start(self._play(at_ns))
+                played = self._play(at_ns)
+                at_ns = self._next_start(played or at_ns != self._start_ns)  # one may go behind all there is to play
             if not self._stopped:
                 self._stage.flush()
             state = "ended"
@@ -231,16 +236,27 @@ class Player:
 
     def _play(self, at_ns: int) -> bool:
         """Play from a moment to the end, or until told otherwise; whether anything was played."""
-        scene = standing_at(self._paths, at_ns - 1)
+        try:
+            scene = standing_at(self._paths, at_ns - 1, on_progress=self._look)
+        except _ElsewhereError:
+            return False
         self.report.truncated |= bool(scene.damages)
         items = entries(self._paths, Part(start_ns=at_ns, end_ns=self._end_ns), self.report)
         played = entered = False
         try:
             for item in items:
-                if not entered and isinstance(item, RecordedEvent):
+                if self._is_wanted_elsewhere():
+                    return played
+                if isinstance(item, RecordedState):
+                    if scene.state(item.state) and entered:  # a gap hid what the keyframe tells
+                        if not self._until(item.log_time_ns, steps=0):
+                            return played
+                        self._show(scene, item.state.target)
+                    continue
+                if not entered:
                     entered = True
                     self._enter(scene, at_ns)
-                event = self._taken(scene, item, entered=entered)
+                event = self._taken(scene, item)
                 if event is None:
                     continue
                 if not self._until(item.log_time_ns):
@@ -286,12 +302,15 @@ class Player:
         alarms = [alarm for frame in scene.frames(target) for alarm in replayed_frame(frame, goal).alarms]
         self._stage.enter(goal, filter_alarms(alarms, self._matches))
 
-    def _taken(self, scene: Standing, item: RecordedEvent | RecordedState, *, entered: bool) -> AnyEvent | None:
+    def _is_wanted_elsewhere(self) -> bool:
+        return self._stopped or self._goal_ns is not None
+
+    def _look(self, _read: int) -> None:
+        if self._is_wanted_elsewhere():
+            raise _ElsewhereError
+
+    def _taken(self, scene: Standing, item: RecordedEvent) -> AnyEvent | None:
         """The event to send, if it is one that the filter takes; the scene follows all of them."""
-        if isinstance(item, RecordedState):
-            if scene.state(item.state) and entered:  # a gap hid what the keyframe tells
-                self._show(scene, item.state.target)
-            return None
         event = item.event
         if not isinstance(event, MessageSent):
             scene.event(item.realm, event)
@@ -301,13 +320,13 @@ class Player:
         target = self._targets[event.target]
         return msgspec.structs.replace(event, target=target, origin=origin_of(event, item.realm))
 
-    def _until(self, log_ns: int, *, end: bool = False) -> bool:
-        """Wait until an event is due, or at the end until the time has come there; False when it is not to be played."""
+    def _until(self, log_ns: int, *, steps: int = 1, end: bool = False) -> bool:
+        """Wait until an entry that takes so many steps is due, or until the end is; False when it is not to be played."""
         with self._news:
             self._next_ns = log_ns
-            while not (self._stopped or self._goal_ns is not None):
+            while not self._is_wanted_elsewhere():
                 if self._steps:
-                    self._steps = 0 if end else self._steps - 1
+                    self._steps = 0 if end else self._steps - steps
                     if not self._steps:
                         self._state = "paused"
                     if not end:

@@ -22,7 +22,7 @@ from bridge.core.hresult import ADS_E_INVALIDACCESS
 from bridge.core.logbook import Logbook
 from bridge.core.questions import ClearLogAnswer, ClearLogQuestion, CommandAnswer, CommandQuestion
 from bridge.edges.bus import Bus, Question, Refusal, Reply
-from bridge.publisher import Publisher, new_logger_session
+from bridge.publisher import Publisher, PublisherClosedError, new_logger_session
 from bridge.texts import ClassOffer
 
 FLUSH_S: Final = 30.0
@@ -126,6 +126,7 @@ class Stage:
         self.realm, self.unsent = realm, 0
         self._bus, self._encoding, self._catalog, self._clock = bus, encoding, catalog, clock
         self._there: dict[str, StandIn] = {}
+        self._closed = False
 
     def refuse_loggers(self, targets: Iterable[str]) -> None:
         """Return when no target has a logger in the realm; LoggerThereError else."""
@@ -142,9 +143,13 @@ class Stage:
     def enter(self, target: str, alarms: Iterable[Alarm] = ()) -> StandIn:
         """A new stand-in for a target, with these alarms, in place of the one there is."""
         self._leave(target, FLUSH_S)
+        if self._closed:
+            raise PublisherClosedError(f"the replay of {target} is over")
         made = self._there[target] = StandIn(
             self._bus, target, self.realm, alarms, encoding=self._encoding, catalog=self._catalog, clock=self._clock
         )
+        if self._closed:  # meanwhile, by another thread, which may not have seen it
+            self._leave(target, 0.0)
         return made
 
     def send(self, event: AnyEvent) -> None:
@@ -168,7 +173,8 @@ class Stage:
             self.unsent += there.close(timeout_s)
 
     def close(self, timeout_s: float = 2.0) -> int:
-        """Everybody leaves; how many events could not be sent."""
+        """Everybody leaves, and nobody enters any more; how many events could not be sent."""
+        self._closed = True
         deadline = time.monotonic() + timeout_s
         for target in list(self._there):
             self._leave(target, max(0.1, deadline - time.monotonic()))

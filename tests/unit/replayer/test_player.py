@@ -8,6 +8,7 @@ import pytest
 
 from bridge import AdsError, EventLogger, Listener, LoggerProxy, Severity, open_bus
 from bridge.control import NameTakenError, tell
+from bridge.core import keys
 from bridge.core.alarms import fold
 from bridge.core.control import Pause, Rate, Resume, Seek, Split, Status, Step, Stop
 from bridge.core.events import AnyEvent, Event
@@ -15,11 +16,12 @@ from bridge.core.filters.text import parse
 from bridge.core.hresult import ADS_E_INVALIDACCESS, ADS_E_INVALIDPARM, ADS_E_INVALIDSTATE, ADS_E_SRVNOTSUPP
 from bridge.core.times import NS_PER_S
 from bridge.edges.bus import ALONE, Bus
-from bridge.edges.recording import Gap, RecordingError
+from bridge.edges.recording import Gap, RecordingError, Standing, StateFrame
 from bridge.listener import LoggerGone
 from bridge.logger import Mirror, TargetTakenError
 from bridge.publisher import PublisherClosedError
 from bridge.replayer import LoggerThereError, Player, RemapError
+from bridge.replayer import player as player_module
 from bridge.replayer.stage import Stage
 from bridge.testing.builders import EVENT_CLASS, TARGET, alarm_raised, message_sent
 from tests.unit.replayer.player_stories import (
@@ -341,6 +343,76 @@ def test_a_keyframe_after_a_gap_makes_the_state_right(bus: Bus, path: Path) -> N
         assert player.wait(30)
         eventually(lambda: raised(listener) == {1: True, 2: True})
     assert (player.report.gaps, player.report.missing) == (1, 1)
+
+
+def test_a_keyframe_is_shown_when_its_time_has_come(bus: Bus, path: Path) -> None:
+    """Not before: who stands still before it has the state of that moment; it is no step of its own."""
+    events = numbered([alarm_raised(event_id=1), alarm_raised(event_id=2), message_sent(event_id=103)])
+    gap = Gap(session=SESSION, key="", first_key_seq=2, last_key_seq=2, count=1, reason="lost")
+    record(path, [events[0], gap, frame_of(fold(events[:2]), 2), events[2]])
+    with (
+        Listener(bus, realm="r", with_state=True, on_full="wait") as listener,
+        Player(bus, [path], realm="r", paused=True, wait_for_listener_s=30) as player,
+    ):
+        player.step()
+        assert ids(listener.take(1)) == [1]
+        state_is(player, "paused")
+        eventually(lambda: player._next_ns == START_NS + 2 * NS_PER_S)
+        eventually(lambda: raised(listener) == {1: True})
+        assert [alarm.event_id for alarm in player._stage._there[TARGET]._book.table.alarms.values()] == [1]
+        player.step()
+        assert ids(listener.take(1)) == [103]
+        eventually(lambda: raised(listener) == {1: True, 2: True})
+
+
+def test_a_logger_of_which_only_a_keyframe_tells_is_a_target(bus: Bus, path: Path) -> None:
+    """No other is renamed to it, and its replay is refused where its logger is."""
+    (event,) = numbered([message_sent()])
+    quiet = StateFrame(realm="live", target="quiet", session="s9", seq=1, alarms=())
+    record(path, [quiet, event])
+    with pytest.raises(RemapError):
+        Player(bus, [path], remap={TARGET: "quiet"})
+    with Player(bus, [path], remap={"quiet": "loud"}) as player:
+        assert player.wait(30)
+    with EventLogger("quiet", bus=bus), pytest.raises(LoggerThereError):
+        Player(bus, [path], realm="live")
+
+
+def test_who_closes_a_player_that_looks_for_a_state_leaves_nobody_on_stage(
+    bus: Bus, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Closing does not wait for the reading to end; what comes later enters no more."""
+    night(path)
+    looks, goes_on = threading.Event(), threading.Event()
+
+    def slow(*_given: object, **_more: object) -> Standing:
+        looks.set()
+        assert goes_on.wait(60)
+        return Standing()
+
+    monkeypatch.setattr(player_module, "standing_at", slow)
+    player = Player(bus, [path], realm="r", start_ns=START_NS + 5 * NS_PER_S)
+    assert looks.wait(30)
+    player.close(timeout_s=0.05)
+    goes_on.set()
+    assert player.wait(30)
+    assert bus.who_is_alive(keys.verb_key("r", None, "@alive", "logger", None), timeout_s=0.5) == set()
+
+
+def test_a_loop_goes_on_from_behind_all_there_is_to_play(bus: Bus, path: Path) -> None:
+    """Who goes to the end of a loop comes to its start."""
+    night(path)
+    with (
+        Listener(bus, realm="r", on_full="wait") as listener,
+        Player(
+            bus, [path], realm="r", loop=True, paused=True, rate=0, end_ns=START_NS + 3 * NS_PER_S, wait_for_listener_s=30
+        ) as player,
+    ):
+        state_is(player, "paused")
+        player.seek(START_NS + 8 * NS_PER_S)
+        state_is(player, "paused")
+        player.resume()
+        assert ids(listener.take(3)) == [100, 101, 1]
 
 
 def test_a_recording_that_starts_with_alarms_has_them(bus: Bus, path: Path) -> None:
