@@ -1,7 +1,7 @@
 """`tcbridge run`: a whole plant from one file."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -16,6 +16,7 @@ from bridge.cli.signals import Interrupted, wait_for_signal
 if TYPE_CHECKING:
     from bridge.core.events import MessageSent
     from bridge.core.module_instances import Plant
+    from bridge.core.tmc import Problem
 
 PLANT: Final = Group("Plant", sort_key=10)
 
@@ -42,7 +43,7 @@ def run(
         tcbridge run plant.toml
         tcbridge run plant.toml --check
     """
-    from bridge.core.module_instances import read_plant
+    from bridge.core.module_instances import PlantError, read_plant
     from bridge.host import Host, Surroundings, make_plan
     from bridge.tccom.factories import Factories
 
@@ -50,12 +51,18 @@ def run(
     if common.settings is not None:
         raise Usage("--settings: a plant's settings stand in its own file")
     read = read_plant(plant.read_bytes(), str(plant))
-    loaded = _loaded(read, plant, common.given() | {"modules_access": modules_access})
+    faults = list(_faulty_settings(read))
+    try:
+        plan = make_plan(read, factories)
+    except PlantError as error:
+        faults += () if common.show_settings else error.problems
+    if faults:
+        raise PlantError(sorted(faults, key=lambda each: each.line))
+    loaded = config.load(common.given() | {"modules_access": modules_access}, os.environ, plant, table=read.settings)
     if common.show_settings:
         print_settings(loaded, as_json=common.json)
         return Exit.OK
     settings = loaded.settings
-    plan = make_plan(read, factories)
     if check:
         if common.json:
             print_json({"plant": str(plant), "modules": [each.name for each in plan.modules]})
@@ -91,23 +98,18 @@ def run(
     return Exit.LOST if around.lost else Exit.NO if not_up else Exit.OK
 
 
-def _loaded(plant: "Plant", path: Path, options: dict[str, object]) -> config.Loaded:
-    """The settings of the plant's file, the environment and the options; PlantError for what the file has wrong."""
+def _faulty_settings(plant: "Plant") -> "Iterator[Problem]":
+    """What the settings of the plant's file have wrong."""
     from bridge.core import toml_text
-    from bridge.core.module_instances import PlantError
 
-    faults = []
     for name, value in plant.settings.items():
         if name not in config.HELP:
-            faults.append(plant.problem(None, toml_text.unknown_key(name, config.HELP), name))
+            yield plant.problem(None, toml_text.unknown_key(name, config.HELP), name)
             continue
         try:
             config.check(name, value, "")
         except config.SettingsError as error:
-            faults.append(plant.problem(None, f"{name}: {error.message}", name))
-    if faults:
-        raise PlantError(faults)
-    return config.load(options, os.environ, path, table=plant.settings)
+            yield plant.problem(None, f"{name}: {error.message}", name)
 
 
 def _teller(as_json: bool) -> "Callable[[MessageSent], None]":

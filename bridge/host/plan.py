@@ -22,7 +22,16 @@ from bridge.host.system import KINDS, SystemModule
 from bridge.tccom.declarations import UNSET, InterfacePointer, Parameter
 from bridge.tccom.factories import Factories
 from bridge.tccom.general import ParameterKey
-from bridge.tccom.identity import FIRST_FREE_ID, FIRST_TASK_ID, NO_OBJECT, PID_CYCLIC_CALLER, TASK_ID_STEP, ObjectId
+from bridge.tccom.identity import (
+    FIRST_FREE_ID,
+    FIRST_TASK_ID,
+    NO_OBJECT,
+    OBJECT_SERVER_ID,
+    PID_CYCLIC_CALLER,
+    TASK_ID_STEP,
+    ObjectId,
+    id_text,
+)
 from bridge.tccom.module import Module
 from bridge.tccom.states import State
 from bridge.tccom.tasks import Task
@@ -95,7 +104,7 @@ def _class(name: str, factories: Factories) -> type[Module]:
 
 
 def _ids(plant: Plant, classes: Mapping[str, type[Module]]) -> dict[str, ObjectId]:
-    taken = {each.object_id for each in plant.instances if each.object_id is not None}
+    taken = {OBJECT_SERVER_ID} | {each.object_id for each in plant.instances if each.object_id is not None}
     rows: dict[type[Module], Iterator[ObjectId]] = {kind.module_class: itertools.count(kind.first_id) for kind in KINDS}
     rows[Task] = itertools.count(FIRST_TASK_ID, TASK_ID_STEP)
     free = itertools.count(FIRST_FREE_ID)
@@ -103,6 +112,7 @@ def _ids(plant: Plant, classes: Mapping[str, type[Module]]) -> dict[str, ObjectI
     for each in plant.instances:
         row = rows.get(classes.get(each.name, Module), free)
         ids[each.name] = each.object_id or next(number for number in row if number not in taken)
+        taken.add(ids[each.name])
     return ids
 
 
@@ -141,11 +151,15 @@ def _faults(plant: Plant, instance: Instance, kind: type[Module], classes: Mappi
     """What the class says against an instance."""
     declared = kind.declared
     given = set()
+    if instance.object_id == OBJECT_SERVER_ID:
+        yield plant.problem(instance, f"object_id {id_text(OBJECT_SERVER_ID)} is that of the object server", "object_id")
     for key, value in instance.parameters.items():
         one = _declared(kind, key)
         if not isinstance(one, Parameter):
             yield plant.problem(instance, _unknown("parameter", key, declared.parameters, kind), "parameters", key)
             continue
+        if one.name in given:
+            yield plant.problem(instance, f"parameter {one.name!r} is given twice: by name and by id", "parameters", key)
         given.add(one.name)
         try:
             checked = one.checked(value)
@@ -162,12 +176,16 @@ def _faults(plant: Plant, instance: Instance, kind: type[Module], classes: Mappi
         if not isinstance(one, InterfacePointer):
             yield plant.problem(instance, _unknown("pointer", key, declared.pointers, kind), "pointers", key)
             continue
+        if one.name in given:
+            yield plant.problem(instance, f"pointer {one.name!r} is given twice: by name and by id", "pointers", key)
         given.add(one.name)
         yield from _offers(plant, instance, reference, one, classes, ("pointers", key))
     if instance.task is not None:
         caller = _declared(kind, PID_CYCLIC_CALLER)
         if not isinstance(caller, InterfacePointer):
             yield plant.problem(instance, f"task: {kind.__name__} is not called cyclically", "task")
+        elif caller.name in given:
+            yield plant.problem(instance, f"the task is given twice, as task and as pointer {caller.name!r}", "task")
         else:
             given.add(caller.name)
             yield from _offers(plant, instance, instance.task, caller, classes, ("task",))

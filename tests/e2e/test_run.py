@@ -258,9 +258,16 @@ def test_a_file_with_faults_starts_nothing(fresh: Path, tmp_path: Path, bus_conf
     with running(fresh, tmp_path, bus_config) as plant:
         plant.process.kill()
     text = (tmp_path / "plant.toml").read_text()
-    (tmp_path / "key.toml").write_text(text.replace("target =", "tarket ="))
+    (tmp_path / "key.toml").write_text(text.replace("target =", "tarket =", 1))
     (tmp_path / "class.toml").write_text(text.replace('class = "Conveyor"', 'class = "Conveyer"'))
+    both = (tmp_path / "key.toml").read_text().replace('class = "Conveyor"', 'class = "Conveyer"')
+    (tmp_path / "both.toml").write_text(both)
     for name, expected in (
+        (
+            "both.toml",
+            "both.toml:3: unknown key 'tarket', did you mean 'target'?\n"
+            "both.toml:13: class: no module class 'Conveyer'; did you mean 'Conveyor'?",
+        ),
         ("key.toml", "key.toml:3: unknown key 'tarket', did you mean 'target'?"),
         ("class.toml", "class.toml:13: class: no module class 'Conveyer'; did you mean 'Conveyor'?"),
     ):

@@ -142,6 +142,10 @@ FAULTS = [
     ('class = "Mixer"\ntask = "A"', "A' waits for A"),
     ('class = "Logger"\nparameters = { max_events = "many" }', "plant.toml:5: max_events: Expected `int`, got `str`"),
     ('class = "Listener"\nparameters = { filter = "severty = 1" }', "plant.toml:5: filter: unknown field 'severty'"),
+    ('class = "Sensor"\nobject_id = 0x71000001', "plant.toml:5: object_id 0x71000001 is that of the object server"),
+    ('class = "Sensor"\nparameters = { scale = 1, "0x1" = 2 }', "plant.toml:5: parameter 'scale' is given twice"),
+    ('class = "Mixer"\npointers = { source = "A", "0x2" = "A" }', "plant.toml:5: pointer 'source' is given twice"),
+    ('class = "Mixer"\ntask = "Fast"\npointers = { cyclic_caller = "Fast" }', "the task is given twice"),
     ('class = "Recorder"\nparameters = { path = "x", trigger = "severity >>= 1" }', "plant.toml:5: trigger: unexpected '>='"),
 ]
 
