@@ -95,8 +95,12 @@ class Ring:
                 self._kept.popleft()
 
     def all(self) -> list[Kept]:
-        """What is kept now, the oldest first."""
-        return list(self._kept)
+        """What is kept now, the oldest first, whatever is given up while somebody looks through it (gone counts no more)."""
+        kept = list(self._kept)
+        if kept and (gone := kept[0].gone):  # only the oldest batch can have lost a part
+            oldest = kept[0]
+            kept[0] = Kept(oldest.key, oldest.first_key_seq + gone, oldest.elements[gone:], oldest.seqs[gone:])
+        return kept
 
 
 def find(batches: Iterable[Kept], missing: Missing) -> list[bytes]:
@@ -104,7 +108,7 @@ def find(batches: Iterable[Kept], missing: Missing) -> list[bytes]:
     found: list[bytes] = []
     for kept in batches:
         if kept.key == missing.key:
-            first = max(kept.gone, missing.first - kept.first_key_seq)
+            first = max(0, missing.first - kept.first_key_seq)
             last = min(len(kept.seqs), missing.last - kept.first_key_seq + 1)
             found += [kept.elements[place] for place in range(first, last) if kept.seqs[place] > missing.after_seq]
     return found

@@ -100,13 +100,15 @@ class Losses:
             if numbered < missing.first:
                 return numbered
             missing = msgspec.structs.replace(missing, last=numbered)
-        asked = "its sender does not answer" if evicted is None else "its sender no longer holds it"
-        if len(found) < missing.count and (evicted is None or evicted > missing.after_seq):
+        asked = "its sender no longer holds it" if held.whole else "its sender does not answer"
+        if missing.after_seq and evicted is not None and evicted <= missing.after_seq and (found or held.whole):
+            # It holds all that is promised, so what is older than the first one it gave was never promised.
+            missing = msgspec.structs.replace(missing, first=min(found, default=missing.last + 1))
+        if len(found) < missing.count:
             for heard in ask_log(self._bus, self._realm, target, missing):
                 found.setdefault(heard.event.key_seq, heard)
         self._counters.repaired += len(found)
-        whole = missing.after_seq and evicted is not None and evicted <= missing.after_seq
-        lost = 0 if whole else missing.count - len(found)
+        lost = missing.count - len(found)
         self._counters.missing += lost
         # A stranger may claim any number: walk over what was found, never over the range.
         follows = missing.first

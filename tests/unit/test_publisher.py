@@ -1,11 +1,13 @@
 """A publisher numbers, keeps and hands on; its own faults raise at the call."""
 
 import threading
+from collections.abc import Iterable
 
 import msgspec
 import pytest
 
 from bridge import Argument, LimitError, MessageSent, Publisher, Severity, Source, open_bus
+from bridge.batches import Kept, find
 from bridge.core import codec, keys
 from bridge.core.sequence import Beat, Missing
 from bridge.edges.bus import ALONE
@@ -88,6 +90,25 @@ def test_the_ring_forgets_the_oldest_and_says_so() -> None:
         (answer,) = bus.ask(keys.verb_key("live", "plc1", "@sent", publisher.session), msgspec.json.encode(missing))
     assert codec.decode(answer.payload, answer.encoding).events == sent[6:]
     assert answer.note == b"6 10"
+
+
+def test_an_answer_about_the_ring_fits_what_it_notes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is given up while an answer is looked for is in it all the same: its note says that it is held."""
+
+    def look_late(held: Iterable[Kept], missing: Missing) -> list[bytes]:
+        for number in range(4):
+            publisher.send_message(CLASS, number, Severity.INFO)
+        assert publisher.flush()
+        return find(held, missing)
+
+    with open_bus(ALONE) as bus, Publisher(bus, "plc1", ring_events=6) as publisher:
+        sent = [publisher.send_message(CLASS, number, Severity.INFO) for number in range(8)]
+        assert publisher.flush()
+        monkeypatch.setattr("bridge.publisher.find", look_late)
+        missing = Missing(publisher.session, keys.event_key("live", sent[0]), 1, 8)
+        (answer,) = bus.ask(keys.verb_key("live", "plc1", "@sent", publisher.session), msgspec.json.encode(missing))
+    assert answer.note == b"2 8"
+    assert codec.decode(answer.payload, answer.encoding).events == sent[2:]
 
 
 class _Stalled:
