@@ -57,6 +57,14 @@ def test_a_broken_link_is_found(tmp_path: Path) -> None:
     assert list(broken_links(page)) == ["gone.md", "#c"]
 
 
+def test_every_command_is_in_the_contents_of_its_page() -> None:
+    """The list at the top of docs/commands.md names each section."""
+    text = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    contents, _, sections = text.partition("\n## ")
+    titles = re.findall(r"^## (.+)$", f"## {sections}", re.MULTILINE)
+    assert [title for title in titles if f"(#{title.replace(' ', '-').lower()})" not in contents] == []
+
+
 def test_every_page_is_in_the_index() -> None:
     """docs/README.md leads to every page beside it, and the decisions' index to every decision."""
     index = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
