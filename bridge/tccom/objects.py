@@ -191,8 +191,10 @@ class LiveObject:
         self.walk(state)
 
     def walk(self, state: State, *, force: bool = False) -> None:
-        """As set_state(); by force a failing step down is reported, and the way down goes on."""
+        """As set_state(); by force a failing step down is reported, and the way down goes on. Who is down already is down."""
         with self.turn():
+            if not self.registered and force:
+                return
             if not self.registered:
                 raise AdsError(ADS_E_INVALIDSTATE, f"{self} has signed off")
             doing = getattr(_steps, "stack", ())

@@ -402,6 +402,16 @@ def test_an_object_that_comes_while_the_server_closes_does_not_stay() -> None:
         assert (server.living, module.noted) == (0, ["IP", "PI"])
 
 
+def test_whoever_takes_down_what_is_down_is_content() -> None:
+    """Two end an object at the same time, say close() and its last holder: the second finds done what it wanted."""
+    with ObjectServer() as server, server.create(Calculation, ICalculation) as _:
+        (live,) = [one for one in server._living if isinstance(one.module, Calculation)]
+        server.delete(live.object_id)
+        live.walk(State.INIT, force=True)
+        with pytest.raises(AdsError, match="has signed off"):
+            live.walk(State.INIT)
+
+
 def test_ids_go_round() -> None:
     """The id of a deleted object is not soon another's: who kept it finds nobody rather than a stranger."""
     with ObjectServer() as server:
