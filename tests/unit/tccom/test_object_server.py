@@ -384,7 +384,7 @@ def test_nobody_ends_the_thread_of_somebody_else(caplog: pytest.LogCaptureFixtur
         with pytest.raises(AdsError, match="SystemExit: 2"):
             server.set_parameter(object_id, "gain", 1)
         assert server.get_parameter(object_id, "gain") == 0
-        server.watch(object_id, "gain", sys.exit)
+        server.watch(object_id, "gain", lambda _: sys.exit(4))
         assert "a watch failed" in caplog.text
         server.set_state(object_id, State.SAFEOP)
         server.set_state(object_id, State.PREOP)
