@@ -129,6 +129,11 @@ class Files:
         """The file being written, under the name that it will have."""
         return None if self._writer is None else self._writer.path
 
+    def measure(self) -> None:
+        """Count what is in the folder now among what is kept: others may have finished files there."""
+        if self._folder is not None:
+            self._folder.measure()
+
     def begin(self, at_ns: int, why: str = "") -> None:
         """Make the next file. RecordingError when it cannot be made."""
         at_ns = max(at_ns, self._last_ns + 1)
@@ -268,11 +273,11 @@ class Files:
                 writer.abandon()
                 done.set_exception(error)
 
-        self._finishing = _Finishing(writer, self._in_this, writer.size_bytes, tails, following, done)
-        self._writer = None
+        finishing = _Finishing(writer, self._in_this, writer.size_bytes, tails, following, done)
+        threading.Thread(target=finish, name=f"finish {writer.path.name}", daemon=True).start()
+        self._finishing, self._writer = finishing, None
         self._silent.clear()
         self._previous = writer.path.name
-        threading.Thread(target=finish, name=f"finish {writer.path.name}", daemon=True).start()
         return done
 
     def _collect(self) -> None:

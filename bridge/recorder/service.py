@@ -9,6 +9,7 @@ Rule 5: who orders something (a pause, a split, a capture) is answered by the wr
 order is written.
 """
 
+import contextlib
 import logging
 import threading
 import time
@@ -191,11 +192,18 @@ class Recorder:
         self._orders.append(order)
         if self._ended.is_set():
             self._refuse_orders()
-        order.done.result(ANSWER_S)
+        try:
+            order.done.result(ANSWER_S)
+        except TimeoutError:
+            order.done.cancel()  # who was told that it was not done can rely on it
+            raise
 
     def _refuse_orders(self) -> None:
         while self._orders:
-            self._orders.popleft().done.set_exception(self.error or RecordingError(self.path, "is not recorded any more"))
+            with contextlib.suppress(IndexError):  # the other thread may have taken the last one
+                done = self._orders.popleft().done
+                if done.set_running_or_notify_cancel():
+                    done.set_exception(self.error or RecordingError(self.path, "is not recorded any more"))
 
     def _pause(self) -> None:
         if self._paused is None:
@@ -207,14 +215,21 @@ class Recorder:
     def _resume(self) -> None:
         if self._windows is not None:
             self._windows.armed = True
-        elif self._paused:
-            self._files.miss(self._paused, PAUSED, self._arrivals.last_ns)
+        elif self._paused is not None:
+            self._tell_pause()
             self._files.keyframe(self._arrivals.last_ns)
         self._paused = None
+
+    def _tell_pause(self) -> None:
+        """Write how much a pause left out so far."""
+        if self._paused:
+            self._files.miss(self._paused, PAUSED, self._arrivals.last_ns)
+            self._paused = 0
 
     def _split_now(self) -> "Future[Path]":
         if self._files.current is None:
             raise ValueError("no file is open")
+        self._tell_pause()
         return self._files.split(self._arrivals.now_ns())
 
     def _trigger_now(self, why: str) -> None:
@@ -273,6 +288,7 @@ class Recorder:
                     self._files.flush()
                 self._status = self._stands()
                 flushed_s, dirty, urgent = now_s, False, False
+        self._tell_pause()
         owing = self._windows is None or self._windows.misses_tail(self._arrivals.now_ns())
         self._files.end(self._silent if owing else ())
         self._files.close()
@@ -283,6 +299,8 @@ class Recorder:
             if up_to_ns is not None and self._orders[0].at_ns > up_to_ns:
                 return
             _, carry_out, done = self._orders.popleft()
+            if not done.set_running_or_notify_cancel():
+                continue
             try:
                 carry_out()
             except ValueError as error:
@@ -302,6 +320,7 @@ class Recorder:
             self._paused += self._choice.takes is None or self._choice.takes(item.event)
             self._files.skip(item)
         else:
+            self._tell_pause()
             self._files.write(item, at_ns)
         return isinstance(item, Heard) and item.event.is_alarm
 
@@ -345,6 +364,7 @@ class Recorder:
                     tell(Recovered.of(recover(left)))
                 except RecordingError as error:
                     tell(NotRecovered(left, error.reason))
+        self._files.measure()
 
     def wait(self, timeout_s: float | None = None) -> bool:
         """Wait until recording has ended by an error; False when the time is up first."""

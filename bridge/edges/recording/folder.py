@@ -52,7 +52,7 @@ class RecordingFolder:
             raise RecordingError(path, error.strerror or str(error)) from error
         try:
             lock(self._held, self.path, "is the folder of a running recorder")
-            self._files = self._found()
+            self.measure()
         except BaseException:
             os.close(self._held)
             raise
@@ -67,6 +67,10 @@ class RecordingFolder:
         """Let another recorder have it."""
         with contextlib.suppress(OSError):
             os.close(self._held)
+
+    def measure(self) -> None:
+        """Take note of the finished files that are there."""
+        self._files = self._found()
 
     def new_name(self, start_ns: int, number: int) -> Path:
         """The name of the file `number` that starts then."""

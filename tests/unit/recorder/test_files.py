@@ -273,6 +273,23 @@ def test_who_abandons_a_file_waits_for_the_one_before_it(tmp_path: Path, monkeyp
     assert (len(recordings(tmp_path)), len(list(tmp_path.glob("*.active"))), made.finished) == (1, 1, 1)
 
 
+def test_without_a_thread_to_finish_a_file_nothing_hangs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The file stays as it is, to be recovered, and it is told why."""
+    made = Files(tmp_path, Choice(None), about=About(realm="live"))
+    made.begin(START)
+    put(made, message(1))
+
+    def start(_thread: threading.Thread) -> None:
+        raise RuntimeError("no more threads")
+
+    monkeypatch.setattr(threading.Thread, "start", start)
+    with pytest.raises(RuntimeError, match="no more threads"):
+        made.split(START + S)
+    made.abandon()
+    made.close()
+    assert len(list(tmp_path.glob("*.active"))) == 1
+
+
 def test_what_goes_wrong_while_a_file_is_finished_is_raised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """By the next look(); the file stays as an active one."""
 

@@ -24,7 +24,7 @@ from bridge.edges.recording import (
     summary,
 )
 from bridge.notices import Item
-from bridge.recorder import Capture, Finished, News, NotRecovered, Recovered, Split, controlled, service
+from bridge.recorder import Capture, Deleted, Finished, Keep, News, NotRecovered, Recovered, Split, controlled, service
 from bridge.recorder.files import Files
 from tests.e2e.fault_stories import eventually
 from tests.unit.recorder.recorder_stories import CLASS, OTHER
@@ -94,6 +94,19 @@ def test_a_pause_is_a_gap_with_a_keyframe_behind_it(bus: Bus, tmp_path: Path) ->
     assert summary(path).complete == "no"
 
 
+def test_a_pause_that_nobody_ends_is_a_gap_too(bus: Bus, tmp_path: Path) -> None:
+    """Of the file that ends in it, and of the one before a split: neither is complete, nothing is counted twice."""
+    with Publisher(bus, "plc1") as publisher, Recorder(bus, tmp_path) as recorder:
+        send(publisher, recorder, 1)
+        recorder.pause()
+        send(publisher, recorder, 2, 3)
+        recorder.split()
+        send(publisher, recorder, 4)
+    first, second = map(summary, recordings(tmp_path))
+    assert [(info.complete, info.totals.gap_events) for info in (first, second)] == [("no", 2), ("no", 1)]
+    assert numbers(*recordings(tmp_path)) == [1]
+
+
 def test_what_came_before_an_order_is_dealt_with_before_it(bus: Bus, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also by a recorder that is behind: ten events wait when it is told to pause, and all are recorded."""
     goes_on = threading.Event()
@@ -113,6 +126,29 @@ def test_what_came_before_an_order_is_dealt_with_before_it(bus: Bus, tmp_path: P
         goes_on.set()
         pause.join(60)
         assert (recorder.status.state, recorder.status.events) == ("paused", 10)
+
+
+def test_an_order_that_was_given_up_is_not_carried_out_later(bus: Bus, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A recorder whose disk took too long said so; who was told that is not paused by surprise."""
+    goes_on = threading.Event()
+    write = Files.write
+
+    def behind(self: Files, item: Item, at_ns: int) -> None:
+        assert goes_on.wait(60)
+        write(self, item, at_ns)
+
+    monkeypatch.setattr(service, "ANSWER_S", 0.05)
+    monkeypatch.setattr(Files, "write", behind)
+    with Publisher(bus, "plc1") as publisher, Recorder(bus, tmp_path) as recorder:
+        send(publisher, recorder, 1)
+        with pytest.raises(TimeoutError):
+            recorder.pause()
+        monkeypatch.setattr(service, "ANSWER_S", 30)
+        goes_on.set()
+        recorder.split()
+        assert recorder.status.state == "recording"
+        send(publisher, recorder, 2)
+    assert numbers(*recordings(tmp_path)) == [1, 2]
 
 
 def test_a_recorder_is_told_to_split_over_the_bus(bus: Bus, tmp_path: Path) -> None:
@@ -207,6 +243,20 @@ def test_what_a_crash_left_is_recovered_at_the_next_start(bus: Bus, tmp_path: Pa
     assert isinstance(news[-1], Finished)
     assert [numbers(path) for path in recordings(tmp_path)] == [[], [1]]
     assert len(list(tmp_path.glob("*.active"))) == 1
+
+
+def test_a_recovered_file_counts_among_those_that_are_kept(bus: Bus, tmp_path: Path) -> None:
+    """It is the oldest, and goes first."""
+    killed = RecordingWriter(tmp_path / "20251118T110640000Z-000001.mcap")
+    killed.flush()
+    killed.abandon()
+    news: list[News] = []
+    with Publisher(bus, "plc1") as publisher, Recorder(bus, tmp_path, keep=Keep(files=2), told=news.append) as recorder:
+        for number in range(2):
+            send(publisher, recorder, number)
+            recorder.split()
+    assert len(recordings(tmp_path)) == 2
+    assert next(each.path.name for each in news if isinstance(each, Deleted)) == "20251118T110640000Z-000001.mcap"
 
 
 def test_a_single_file_that_was_recovered_is_not_written_over(bus: Bus, tmp_path: Path) -> None:
