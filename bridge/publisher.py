@@ -116,7 +116,6 @@ class Publisher:
         self._seq = 0
         self._put_seq = 0
         self._waiting = 0
-        self._refused = 0
         self._marks = 0
         self._queue: deque[Batch] = deque()
         self._messages: deque[Batch] = deque()
@@ -277,7 +276,6 @@ class Publisher:
             state.sender.put(codec.join(batch.elements[batch.dropped :], self._encoding))
         except BusError as error:
             log.warning("%d events not sent: %s", batch.waiting, error)
-            self._refused += batch.waiting
             return
         state.put_key_seq = max(state.put_key_seq, batch.first_key_seq + len(batch.seqs) - 1)
         self._put_seq = max(self._put_seq, batch.seqs[-1])
@@ -315,7 +313,7 @@ class Publisher:
         oldest_s = time.monotonic() - BEAT_MEMORY_S
         with self._lock:
             if final:
-                self.counters.unsent = self._waiting + self._refused
+                self._count_unsent()
             if numbered or final:
                 numbers = {s.key: s.sent_key_seq for s in self._keys.values() if s.sent_key_seq}
             else:
@@ -331,6 +329,10 @@ class Publisher:
             unsent=self.counters.unsent,
             marks=self._marks,
         )
+
+    def _count_unsent(self) -> None:
+        """What was numbered and neither put nor dropped: it waits, is refused by the bus, or its put has not returned."""
+        self.counters.unsent = self._seq - self.counters.sent - self.counters.dropped
 
     def _beat(self, *, final: bool) -> None:
         with contextlib.suppress(BusError):
@@ -410,7 +412,7 @@ class Publisher:
                 self._room.notify_all()
         self._thread.join(timeout_s + 1.5)
         with self._lock:
-            self.counters.unsent = self._waiting + self._refused
+            self._count_unsent()
         self._sent.close()
         self._alive.close()
         self._beats.close()

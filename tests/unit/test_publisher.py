@@ -164,15 +164,31 @@ def test_a_queue_full_of_transitions_refuses_the_next() -> None:
 
 
 def test_closing_never_hangs_and_says_what_was_not_sent() -> None:
-    """With a bus that stands still close() returns in time, with the count of what waits."""
+    """With a bus that stands still close() returns in time, with the count of what waits and of what did not get through."""
     with open_bus(ALONE) as bus:
         publisher = Publisher(bus, "plc1")
         stalled = _Stalled(publisher)
         for number in range(5):
             publisher.send_message(CLASS, number, Severity.INFO, arguments=(Argument.of(number),))
-        assert publisher.close(timeout_s=0.1) == 5
+        assert publisher.close(timeout_s=0.1) == 6
         with pytest.raises(PublisherClosedError):
             publisher.send_message(CLASS, 1, Severity.INFO)
+        stalled.go.set()
+
+
+def test_what_the_publishing_thread_has_taken_but_not_put_is_not_sent() -> None:
+    """Several keys may be on their way to one put each when the bus stands still."""
+    with open_bus(ALONE) as bus:
+        publisher = Publisher(bus, "plc1")
+        stalled = _Stalled(publisher)
+        for severity in Severity:
+            publisher.send_message(CLASS, 1, severity)
+        stalled.stalled.clear()
+        again, stalled.go = stalled.go, threading.Event()
+        again.set()
+        assert stalled.stalled.wait(10)
+        assert publisher.close(timeout_s=0.1) == len(Severity)
+        assert publisher.counters.sent == 2
         stalled.go.set()
 
 
