@@ -115,6 +115,7 @@ class Publisher:
         self._ring = Ring(ring_events, ring_bytes)
         self._seq = 0
         self._put_seq = 0
+        self._taken_seq = 0
         self._waiting = 0
         self._marks = 0
         self._queue: deque[Batch] = deque()
@@ -267,6 +268,7 @@ class Publisher:
             for batch in batches:
                 if batch.waiting:
                     self._put(batch)
+            self._taken_seq = 0
 
     def _put(self, batch: Batch) -> None:
         state = batch.state
@@ -297,6 +299,7 @@ class Publisher:
             taken += batch.waiting
             batches.append(batch)
         self._waiting -= taken
+        self._taken_seq = batches[0].seqs[0] if batches else 0
         while self._messages and self._messages[0].taken:
             self._messages.popleft()
         if was_full or not self._may_drop:
@@ -385,7 +388,7 @@ class Publisher:
         pause = threading.Event()
         while True:
             with self._lock:
-                behind = bool(self._queue) and self._queue[0].seqs[0] <= target
+                behind = 0 < self._taken_seq <= target or (bool(self._queue) and self._queue[0].seqs[0] <= target)
                 if not behind and self.counters.sent + self.counters.dropped >= target:
                     return True
             if time.monotonic() > deadline or not self._thread.is_alive():

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 
 import msgspec
 import pytest
@@ -190,6 +191,22 @@ def test_what_the_publishing_thread_has_taken_but_not_put_is_not_sent() -> None:
         assert publisher.close(timeout_s=0.1) == len(Severity)
         assert publisher.counters.sent == 2
         stalled.go.set()
+
+
+def test_flush_waits_for_a_put_whatever_is_dropped_meanwhile() -> None:
+    """Events that others send, and that the full queue drops, are not taken for those that are waited for."""
+    with open_bus(ALONE) as bus, Publisher(bus, "plc1", queue_events=4) as publisher:
+        stalled = _Stalled(publisher)
+        with ThreadPoolExecutor(1) as others:
+            flushed = others.submit(publisher.flush)
+            with pytest.raises(TimeoutError):
+                flushed.result(0.05)
+            for _ in range(10):
+                publisher.send_message(CLASS, 1, Severity.INFO)
+            with pytest.raises(TimeoutError):
+                flushed.result(0.2)
+            stalled.go.set()
+            assert flushed.result(30)
 
 
 def test_a_lone_surrogate_is_refused_at_the_call() -> None:
