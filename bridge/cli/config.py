@@ -13,7 +13,7 @@ def show(*, common: Common = COMMON) -> int:
 
     Try:
         tcbridge config show
-        tcbridge config show --settings plant.toml --json
+        tcbridge config show --settings line1.toml --json
     """
     print_settings(common.loaded(), as_json=common.json)
     return Exit.OK

@@ -13,7 +13,7 @@ from cyclopts import Group, Parameter
 
 from bridge.cli.exits import Exit, Usage
 from bridge.cli.options import catalog, note, parse_filter
-from bridge.core.times import NS_PER_S
+from bridge.core.times import NS_PER_S, time_text
 
 if TYPE_CHECKING:
     from bridge.config import Settings
@@ -83,6 +83,10 @@ def times(span: "Span", start: str | None, end: str | None, duration: float | No
         last = begin + int(duration * NS_PER_S)
     if last is not None and last <= begin:
         raise Usage("the end is not after the start")
+    if span.last_ns and begin > span.last_ns:
+        raise Usage(f"the start is behind the end of the recording, {time_text(span.last_ns)}")
+    if last is not None and last <= span.first_ns:
+        raise Usage(f"the end is before the recording, which begins at {time_text(span.first_ns)}")
     return first, last
 
 

@@ -96,7 +96,11 @@ def test_a_part_is_chosen_by_time_target_and_filter(
 
 
 @pytest.mark.parametrize(
-    "options", ["--start 3 --end 2", "--duration 0", "--end 2 --duration 1", "--start soon", "--filter x=", "--start -1"]
+    "options",
+    [
+        *("--start 3 --end 2", "--duration 0", "--end 2 --duration 1", "--start soon", "--filter x=", "--start -1"),
+        *("--start 3600", "--start 2027-01-16T00:00:00Z", "--start 2020-01-01T00:00:00Z --end 2020-01-02T00:00:00Z"),
+    ],
 )
 def test_a_part_that_makes_no_sense_is_refused(plant: str, options: str) -> None:
     """As wrong usage."""
