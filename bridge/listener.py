@@ -375,6 +375,7 @@ class Listener(Handover):
             if gone and not clean and self.tracker.heard(session):
                 self.counters.tails_unknown += 1
                 self._out.append(TailUnknown(target, session))
+                self._losses.gone(session)
         self._hand_over()
 
     def _connected(self, there: bool) -> None:

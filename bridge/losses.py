@@ -7,7 +7,8 @@ It is judged when nothing of it is missing, or when all that came before is hand
 Rule 3: the word of a sender bounds what is missing: numbers that it has never given are nobody's loss, and what carries them
 did not come from it.
 Rule 4: whoever settles waits for a bounded time; a session that cannot tell any more is named, never taken as complete.
-Rule 5: numbers of a session are kept until it said its last word and MAX_ENDED others did so after it.
+Rule 5: numbers of a session are kept until it said its last word and MAX_ENDED others did so after it; those of one that is
+gone without a word, until MAX_ENDED others went so after it. That one is not asked until it is heard again.
 
 All of it runs under the listener's lock or takes it. What it does with a listener is Receiving, nothing more.
 """
@@ -73,6 +74,7 @@ class Losses:
         self.tracker = Tracker()
         self._sessions: dict[str, str] = {}
         self._final: dict[str, None] = {}
+        self._gone: dict[str, None] = {}
         self._last_words: set[str] = set()
         self._beat_seen = threading.Condition(work)
 
@@ -214,6 +216,7 @@ class Losses:
             for tail in tails:
                 self._recover(beat.target, tail, out)
             self._sessions[beat.session] = beat.target
+            self._gone.pop(beat.session, None)
             if beat.final:
                 self._end(beat.session)
             self._beat_seen.notify_all()
@@ -225,9 +228,17 @@ class Losses:
     def _end(self, session: str) -> None:
         """Note a last word, and forget the oldest of many, so that a program of months does not grow with each sender."""
         self._final[session] = None
-        if len(self._final) > MAX_ENDED:
-            oldest = next(iter(self._final))
-            del self._final[oldest]
+        self._forget_oldest(self._final)
+
+    def gone(self, session: str) -> None:
+        """Note that a session went without a last word; called under the lock."""
+        self._gone[session] = None
+        self._forget_oldest(self._gone)
+
+    def _forget_oldest(self, ended: dict[str, None]) -> None:
+        if len(ended) > MAX_ENDED:
+            oldest = next(iter(ended))
+            del ended[oldest]
             self._last_words.discard(oldest)
             self._sessions.pop(oldest, None)
             self.tracker.forget(oldest)
@@ -246,7 +257,9 @@ class Losses:
         deadline = time.monotonic() + timeout_s
         with self._work:
             open_sessions = {s: t for s, t in self._sessions.items() if s not in self._final and self.tracker.started(s)}
-        silent = []
+            silent = [session for session in open_sessions if session in self._gone]
+        for session in silent:
+            del open_sessions[session]
         for session, target in open_sessions.items():
             left_s = max(RECHECK_S, deadline - time.monotonic())
             beats = self._ask_how_far(target, session, left_s)

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 import msgspec
 import pytest
 
-from bridge import Gap, Listener, MessageSent, Severity, open_bus
+from bridge import Gap, Listener, MessageSent, Severity, TailUnknown, open_bus
 from bridge.core import codec, keys
 from bridge.core.sequence import Beat, Missing
-from bridge.edges.bus import ALONE, Bus, Question, Refusal, Reply
+from bridge.edges.bus import ALONE, Answer, Bus, Question, Refusal, Reply
 from bridge.testing.builders import EVENT_CLASS
 
 SESSION = "sender"
@@ -84,3 +84,28 @@ def test_what_a_sender_did_not_tell_to_the_end_is_missing(
         lost = {number for first, last in gaps for number in range(first, last + 1)}
         assert numbers == [number for number in range(11, 3002) if number not in lost]
         assert listener.counters.missing == len(lost)
+
+
+def test_who_is_gone_without_a_word_is_named_and_not_asked(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its tail was told as unknown when it went; only so many of such are remembered."""
+    monkeypatch.setattr("bridge.losses.MAX_ENDED", 3)
+    asked: list[str] = []
+    ask = bus.ask
+
+    def note(key: str, payload: bytes = b"", *, timeout_s: float = 2.0, encoding: str = codec.JSON) -> list[Answer]:
+        asked.append(key)
+        return ask(key, payload, timeout_s=timeout_s, encoding=encoding)
+
+    with Listener(bus) as listener:
+        for number in range(5):
+            session = f"dead{number}"
+            token = bus.alive(keys.verb_key("live", "plc1", "@alive", "publisher", session))
+            beat = Beat(target="plc1", session=session)
+            bus.put(keys.verb_key("live", "plc1", "@beat", session), msgspec.json.encode(beat))
+            assert listener.wait_for_beat(session, timeout_s=30)
+            token.close()
+            assert listener.get(30) == TailUnknown("plc1", session)
+        monkeypatch.setattr(bus, "ask", note)
+        assert listener.settle() == ["dead2", "dead3", "dead4"]
+        assert not listener.tracker.heard("dead0")
+        assert asked == []
