@@ -8,7 +8,7 @@ Rule 3: their ids are fixed: the first of each kind has the one of its row in KI
 import contextlib
 import threading
 from collections.abc import Callable
-from typing import Final, NamedTuple, Protocol
+from typing import Final, Literal, NamedTuple, Protocol, TypeAlias
 
 import msgspec
 
@@ -53,6 +53,7 @@ from bridge.tccom.module import Module
 from bridge.tccom.reports import ReportKind
 from bridge.texts import Texts
 
+Lowest: TypeAlias = Literal["", SeverityName]
 CLOSE_S: Final = 1.0
 """What closing a logger may take, so that a plant ends within 3 s of a signal."""
 SETTLE_S: Final = 0.5
@@ -362,7 +363,7 @@ class Sink(SystemModule):
     class_id = "5c3a6d0e-6f0b-4d0c-9a43-2f1de0a7b103"
 
     types: Parameter[SyslogTypes] = Parameter(0x1, SyslogTypes, default="both")  # type: ignore[arg-type]
-    severity = Parameter(0x2, str, default="", comment="the lowest; default: the setting syslog_severity")
+    severity: Parameter[Lowest] = Parameter(0x2, Lowest, default="", comment="default: the setting syslog_severity")  # type: ignore[arg-type]
     address = Parameter(0x3, str, default="", comment="a path, or HOST:PORT; default: the setting syslog_address")
     filter = Parameter(0x4, str, default="", comment="which of these events; default: all")
     target = Parameter(0x5, str, default="", comment="default: every target")
@@ -396,8 +397,6 @@ class Sink(SystemModule):
                 resolve_class=around.catalog.guids,
                 on_trouble=self._trouble,
             )
-        except KeyError:
-            raise AdsError(ADS_E_INVALIDPARM, f"severity {self.severity!r}") from None
         except (SyslogAddressError, ValueError) as error:
             raise AdsError(ADS_E_INVALIDPARM, str(error)) from None
         self.enter(contextlib.ExitStack()).callback(self._count, sink)

@@ -146,6 +146,7 @@ FAULTS = [
     ('class = "Sensor"\nparameters = { scale = 1, "0x1" = 2 }', "plant.toml:5: parameter 'scale' is given twice"),
     ('class = "Mixer"\npointers = { source = "A", "0x2" = "A" }', "plant.toml:5: pointer 'source' is given twice"),
     ('class = "Mixer"\ntask = "Fast"\npointers = { cyclic_caller = "Fast" }', "the task is given twice"),
+    ('class = "Sink"\nparameters = { severity = "warn" }', "plant.toml:5: severity: Invalid enum value 'warn'"),
     ('class = "Recorder"\nparameters = { path = "x", trigger = "severity >>= 1" }', "plant.toml:5: trigger: unexpected '>='"),
 ]
 
