@@ -87,8 +87,8 @@ class Task(Module, ICyclicCaller, ITask):
 
     def on_so(self) -> None:
         """Begin to call."""
-        self._stop.clear()
-        self._thread = threading.Thread(target=self._run, name=f"task {self.name}", daemon=True)
+        self._stop = threading.Event()  # its own: a thread that was told to end from its own cycle must not go on
+        self._thread = threading.Thread(target=self._run, args=(self._stop,), name=f"task {self.name}", daemon=True)
         self._thread.start()
 
     def on_os(self) -> None:
@@ -153,9 +153,9 @@ class Task(Module, ICyclicCaller, ITask):
 
     # Its thread.
 
-    def _run(self) -> None:
+    def _run(self, stop: threading.Event) -> None:
         due_ns = self._clock()
-        while not self._stop.is_set():
+        while not stop.is_set():
             begun_ns = self._clock()
             with self._lock:
                 members = list(self._members.values())
@@ -169,7 +169,7 @@ class Task(Module, ICyclicCaller, ITask):
             if missed and not self._late:
                 self.place.report(ReportKind.LATE, duration_ns=now_ns - begun_ns, detail=f"missed {missed} cycles")
             self._late = missed > 0
-            self._stop.wait((due_ns - now_ns) / 1e9)
+            stop.wait((due_ns - now_ns) / 1e9)
 
     def _call(self, member: _Member) -> None:
         try:

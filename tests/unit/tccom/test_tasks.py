@@ -46,6 +46,25 @@ def test_no_thread_outlives_its_task() -> None:
     assert set(threading.enumerate()) <= before
 
 
+def test_a_task_that_is_restarted_from_its_own_cycle_has_one_thread() -> None:
+    """The old one ends with the cycle that it is in."""
+    with ObjectServer() as server:
+        task_id = server.add(Task(), name="Restarted", parameters={"cycle_ns": 1_000_000}, state=State.OP)
+
+        def restart(counter: Counter) -> None:
+            if counter.cycles == 1:
+                server.set_state(task_id, State.SAFEOP)
+                server.set_state(task_id, State.OP)
+                first.append(threading.current_thread())
+
+        first: list[threading.Thread] = []
+        counter = Counter(restart)
+        server.add(counter, parameters={"cyclic_caller": task_id}, state=State.OP)
+        assert counter.reached.wait(PATIENCE_S)
+        first[0].join(PATIENCE_S)
+        assert [thread.name for thread in threading.enumerate()].count("task Restarted") == 1
+
+
 def test_a_task_called_in_safeop_keeps_its_modules_for_op() -> None:
     """Its thread ends and begins again; who has joined stays."""
     with ObjectServer() as server:
