@@ -8,6 +8,7 @@ tail is unknown, or that is cut or damaged; also when a damage was met on the wa
 Rule 5: with a filter, keyframes have the alarms that it takes by their state.
 """
 
+import bisect
 import contextlib
 import os
 from collections.abc import Callable, Collection, Iterable, Sequence
@@ -210,29 +211,33 @@ class Fills:
 
     def __init__(self) -> None:
         self.filled = 0
+        self._missing: dict[tuple[str, str], list[tuple[int, int]]] = {}
         self._there: dict[tuple[str, str], list[int]] = {}
         self._told: set[Gap] = set()
 
     def want(self, gaps: Iterable[Gap]) -> None:
-        """Take note of what is missing somewhere."""
+        """Take note of what is missing somewhere; before there()."""
+        found: dict[tuple[str, str], list[tuple[int, int]]] = {}
         for gap in gaps:
             if gap.session and gap.first_key_seq:
-                self._there.setdefault((gap.session, gap.key), [])
+                found.setdefault((gap.session, gap.key), []).append((gap.first_key_seq, gap.last_key_seq))
+        self._missing = {place: _joined_ranges(ranges) for place, ranges in found.items()}
 
     @property
     def wanted(self) -> list[str]:
         """The keys of which something is missing."""
-        return [key for _, key in self._there]
+        return [key for _, key in self._missing]
 
     def there(self, session: str, key: str, number: int) -> None:
-        """Take note of a number that a file has."""
-        numbers = self._there.get((session, key))
-        if numbers is not None:
-            numbers.append(number)
+        """Take note of a number that a file has; those that nobody misses are forgotten."""
+        missing = self._missing.get((session, key), ())
+        place = bisect.bisect_right(missing, number, key=lambda each: each[0]) - 1
+        if place >= 0 and number <= missing[place][1]:
+            bisect.insort(self._there.setdefault((session, key), []), number)
 
     def left(self, gap: Gap) -> list[Gap]:
         """What still is missing of a gap, as ranges; what two files miss alike is told once."""
-        if (gap.session, gap.key) not in self._there:
+        if (gap.session, gap.key) not in self._missing:
             return [gap]
         ranges = self._ranges(gap)
         self.filled += gap.count - sum(each.count for each in ranges)
@@ -244,7 +249,7 @@ class Fills:
     def _ranges(self, gap: Gap) -> list[Gap]:
         numbers = self._there.get((gap.session, gap.key), [])
         first, last = gap.first_key_seq, gap.last_key_seq
-        inside = sorted({number for number in numbers if first <= number <= last})
+        inside = numbers[bisect.bisect_left(numbers, first) : bisect.bisect_right(numbers, last)]
         if not inside:
             return [gap]
         left = []
@@ -253,6 +258,17 @@ class Fills:
                 left.append(msgspec.structs.replace(gap, first_key_seq=first, last_key_seq=number - 1, count=number - first))
             first = number + 1
         return left
+
+
+def _joined_ranges(ranges: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
+    """The same numbers as ranges that do not overlap, in order."""
+    joined: list[tuple[int, int]] = []
+    for first, last in sorted(ranges):
+        if joined and first <= joined[-1][1]:
+            joined[-1] = (joined[-1][0], max(joined[-1][1], last))
+        else:
+            joined.append((first, last))
+    return joined
 
 
 def _fills(infos: Sequence[RecordingInfo], part: Part) -> Fills:

@@ -39,7 +39,7 @@ def standing_at(
     standing = Standing()
     infos = sorted((summary(path) for path in paths), key=lambda info: info.totals.first_log_time_ns)
     infos = [info for info in infos if info.totals.first_log_time_ns <= time_ns]
-    infos = infos[next((place for place in range(len(infos) - 1, 0, -1) if _begins_anew(infos, place)), 0) :]
+    infos = infos[next((place for place in range(len(infos) - 1, 0, -1) if _begins_anew(infos, place, time_ns)), 0) :]
     files = [info.path for info in infos]
     if not files:
         return standing
@@ -88,8 +88,8 @@ def keyframe_places(path: str | os.PathLike[str]) -> set[tuple[str, str]]:
         return {(item.state.realm, item.state.target) for item in reader if isinstance(item, RecordedState)}
 
 
-def _begins_anew(infos: Sequence[RecordingInfo], place: int) -> bool:
-    """Whether the keyframes at the start of a file say all that the files before it know."""
+def _begins_anew(infos: Sequence[RecordingInfo], place: int, time_ns: int) -> bool:
+    """Whether the keyframes at the start of a file, up to the time, say all that the files before it know."""
     needed = {(row.realm, row.target) for info in infos[:place] for row in info.totals.counts if row.kind != MessageSent.kind}
     here = infos[place]
     if any(info.totals.last_log_time_ns >= here.totals.first_log_time_ns for info in infos[:place]):
@@ -97,7 +97,7 @@ def _begins_anew(infos: Sequence[RecordingInfo], place: int) -> bool:
     told: set[tuple[str, str]] = set()
     with read_events(here.path) as reader:
         for item in reader:
-            if not isinstance(item, RecordedState):
+            if not isinstance(item, RecordedState) or item.log_time_ns > time_ns:
                 break
             told.add((item.state.realm, item.state.target))
     if not needed <= told:

@@ -9,7 +9,6 @@ Rule 3: what is wrong with a file does not end the others; `damages` names it.
 import heapq
 import os
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
@@ -99,18 +98,21 @@ class Series:
         starts.sort(reverse=True)
         once = Once()
         open_now: list[tuple[int, int, Recorded, RecordingReader]] = []
-        with ExitStack() as stack:
+        try:
             while starts or open_now:
                 while starts and (not open_now or starts[-1][0] <= open_now[0][0]):
                     number = starts.pop()[1]
-                    reader = stack.enter_context(self._open(self.paths[number]))
-                    self._step(open_now, number, reader)
+                    self._step(open_now, number, self._open(self.paths[number]))
                 if not open_now:
                     continue
-                _, number, item, reader = heapq.heappop(open_now)
+                _, number, item, reader = open_now[0]
                 if not isinstance(item, RecordedEvent) or once.is_new(item.event):
                     yield item
+                heapq.heappop(open_now)
                 self._step(open_now, number, reader)
+        finally:
+            for *_, reader in open_now:
+                reader.close()
 
     def _step(self, open_now: list[tuple[int, int, Recorded, RecordingReader]], number: int, reader: RecordingReader) -> None:
         item = next(reader, None)

@@ -1,6 +1,8 @@
 """Recordings cut, filtered and merged."""
 
+import gc
 import random
+import weakref
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -33,6 +35,7 @@ from bridge.edges.recording import (
     summary,
 )
 from bridge.edges.recording import series as series_module
+from bridge.edges.recording.copying import Fills
 from bridge.edges.recording.index import read_index
 from tests.unit.edges.recording_stories import (
     ABOUT,
@@ -300,3 +303,43 @@ def test_a_damage_that_the_summary_does_not_know_of_makes_no_complete_copy(tmp_p
     assert list(report.damages) == [path]
     assert summary(tmp_path / "b.mcap").complete == "tail unknown"
     assert summary(copy_part([path], tmp_path / "c.mcap", Part(end_ns=START + 400_000)).path).complete == "yes"
+
+
+def test_a_moment_between_two_keyframes_at_the_start_of_a_file_needs_the_one_before(tmp_path: Path) -> None:
+    """What a later keyframe will say is not known yet."""
+    two = replace(raised(2), target="plc2", session="s2")
+    write(tmp_path / "a.mcap", [(1, raised(1)), (2, two)])
+    frames = standing_at([tmp_path / "a.mcap"], START * 2).frames()
+    paths = [tmp_path / "a.mcap", write(tmp_path / "b.mcap", [(9, raised(3))], frames)]
+    for step, ids in ((849, [1, 2]), (850, [1, 2]), (851, [1, 2]), (900, [1, 2, 3])):
+        assert sorted(alarm.event_id for alarm in standing_at(paths, START + step).alarms()) == ids
+
+
+def test_what_nobody_misses_is_not_kept_in_memory_while_merging(tmp_path: Path) -> None:
+    """Only numbers in gaps are: gaps that overlap, that touch, and one that nothing fills."""
+    fills = Fills()
+    fills.want([replace(GAP, first_key_seq=first, last_key_seq=last) for first, last in ((3, 9), (8, 12), (13, 13), (40, 41))])
+    for number in (50, 1, 12, 3, 4, 10, 13, 20):
+        fills.there(GAP.session, GAP.key, number)
+    assert sum(map(len, fills._there.values())) == 5
+    left = fills.left(replace(GAP, first_key_seq=3, last_key_seq=13, count=11))
+    assert [(gap.first_key_seq, gap.last_key_seq) for gap in left] == [(5, 9), (11, 11)]
+
+
+def test_a_file_that_was_read_is_let_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A night of many files needs the memory of one; who stops in between leaves none open."""
+    paths = [write(tmp_path / f"{number}.mcap", [(number, message(number))]) for number in range(6)]
+    readers: list[weakref.ref[RecordingReader]] = []
+
+    def spy(path: Path, part: Part = EVERYTHING, **more: object) -> RecordingReader:
+        reader = read_events(path, part)
+        readers.append(weakref.ref(reader))
+        return reader
+
+    with read_series(paths) as items:
+        monkeypatch.setattr(series_module, "read_events", spy)
+        for _ in range(5):
+            next(items)
+        gc.collect()
+        assert sum(reader() is not None for reader in readers) <= 2
+    assert all(reader is None or reader.frames._file.closed for reader in (each() for each in readers))
