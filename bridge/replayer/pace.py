@@ -10,13 +10,15 @@ from collections.abc import Callable
 from typing import Final
 
 _NS: Final = 1e9
+MAX_RATE: Final = 1e6
+"""Eleven days a second; who wants more wants 0."""
 
 
 class Pace:
     """Replay time, in Unix ns of the recording."""
 
     def __init__(self, rate: float, clock_s: Callable[[], float], *, running: bool = True) -> None:
-        """ValueError for a rate below 0. clock_s gives seconds that never go back."""
+        """ValueError for a rate outside 0..MAX_RATE. clock_s gives seconds that never go back."""
         self._clock_s = clock_s
         self._at_ns, self._since_s = 0, clock_s()
         self.running = running
@@ -44,7 +46,7 @@ class Pace:
         self.running = running
 
     def change(self, rate: float) -> None:
-        """Another rate from now on. ValueError for one below 0."""
+        """Another rate from now on. ValueError for one outside 0..MAX_RATE."""
         rate = _checked(rate)
         self.jump(self.now_ns)
         self.rate = rate
@@ -57,6 +59,6 @@ class Pace:
 
 
 def _checked(rate: float) -> float:
-    if not 0 <= rate < math.inf:
-        raise ValueError(f"rate {rate} is no number from 0 upwards")
+    if not 0 <= rate <= MAX_RATE:
+        raise ValueError(f"rate {rate:g} is not within 0..{MAX_RATE:g}; 0 is as fast as it can")
     return rate
