@@ -17,7 +17,7 @@ from typing import Final, Self
 
 from bridge.config import ModulesAccess
 from bridge.core.events import MessageSent
-from bridge.core.hresult import ADS_E_EXCEPTION, AdsError
+from bridge.core.hresult import AdsError
 from bridge.host.news import News
 from bridge.host.plan import USER_RANK, Plan, Planned
 from bridge.host.surroundings import Surroundings
@@ -28,6 +28,7 @@ from bridge.tccom.factories import Factories
 from bridge.tccom.identity import ObjectId
 from bridge.tccom.module import Module
 from bridge.tccom.proxy import RemoteTargets
+from bridge.tccom.raised import as_ads_error
 from bridge.tccom.server import ObjectServer
 from bridge.tccom.service import ObjectService
 from bridge.tccom.states import State
@@ -119,7 +120,7 @@ class Host:
         try:
             return kind(self.around) if issubclass(kind, SystemModule) else kind()
         except (Exception, SystemExit) as error:
-            raise AdsError(ADS_E_EXCEPTION, f"{kind.__name__} cannot be made: {type(error).__name__}: {error}") from error
+            raise as_ads_error(error, f"{kind.__name__} cannot be made") from error
 
     def _bring_up(self, each: Planned) -> None:
         if each.object_id in self._down:

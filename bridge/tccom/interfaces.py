@@ -23,6 +23,7 @@ import msgspec
 from bridge.core.arguments import guid
 from bridge.core.hresult import ADS_E_EXCEPTION, ADS_E_INVALIDPARM, S_OK, AdsError, raise_if_failed
 from bridge.tccom.identity import InterfaceId
+from bridge.tccom.raised import as_ads_error
 from bridge.tccom.shapes import fingerprint as fingerprint_of
 
 T = TypeVar("T")
@@ -209,7 +210,7 @@ def carry_out(implementation: object, method: Method, arguments: msgspec.Struct)
     except AdsError:
         raise
     except (Exception, SystemExit) as error:
-        raise AdsError(ADS_E_EXCEPTION, f"{method.name}: {type(error).__name__}: {error}") from error
+        raise as_ads_error(error, method.name) from error
     if not isinstance(answer, Answer):
         raise AdsError(ADS_E_EXCEPTION, f"{method.name} returned {answer!r}; expected Answer(...)")
     raise_if_failed(answer.result, method.name)

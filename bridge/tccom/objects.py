@@ -16,7 +16,6 @@ from typing import Final, Protocol, TypeVar
 import msgspec
 
 from bridge.core.hresult import (
-    ADS_E_EXCEPTION,
     ADS_E_INVALIDSTATE,
     ADS_E_NOTFOUND,
     ADS_E_NOTINIT,
@@ -30,6 +29,7 @@ from bridge.tccom.general import IDataAreas, IObject, IWatchSource, ObjectInfo, 
 from bridge.tccom.identity import NO_OBJECT, InterfaceId, ObjectId, id_text
 from bridge.tccom.interfaces import Answer, Interface, InterfaceInfo, Method, carry_out, describe
 from bridge.tccom.module import Module, Server
+from bridge.tccom.raised import as_ads_error
 from bridge.tccom.reports import Report, ReportKind
 from bridge.tccom.states import State, Step, Transition, path
 
@@ -258,7 +258,8 @@ class LiveObject:
             with _in_step(self.object_id, step):
                 self._stacks[acquired].close()
         except (Exception, SystemExit) as error:  # noqa: BLE001 # the rest has been undone; it is told, and the way goes on
-            self.report(ReportKind.UNDO_FAILED, transition=step.transition, code=_code(error), detail=_detail(error))
+            failure = as_ads_error(error)
+            self.report(ReportKind.UNDO_FAILED, transition=step.transition, code=failure.code, detail=_detail(failure))
         del self._stacks[acquired]
         for name, pointer in self.module.declared.pointers.items():
             if pointer.resolved.transition is acquired:
@@ -266,10 +267,10 @@ class LiveObject:
 
     def _failed(self, step: Step, error: BaseException, begun_ns: int) -> AdsError:
         took_ns = self._keeper.now_ns() - begun_ns
-        self.report(
-            ReportKind.FAILED, transition=step.transition, code=_code(error), detail=_detail(error), duration_ns=took_ns
-        )
-        return AdsError(_code(error), f"{self}: {step.transition}: {_detail(error)}")
+        failure = as_ads_error(error)
+        detail = _detail(failure)
+        self.report(ReportKind.FAILED, transition=step.transition, code=failure.code, detail=detail, duration_ns=took_ns)
+        return AdsError(failure.code, f"{self}: {step.transition}: {detail}")
 
     def _completed(self, step: Step, begun_ns: int) -> None:
         took_ns = self._keeper.now_ns() - begun_ns
@@ -386,9 +387,5 @@ class LiveObject:
             self._watches.remove(watch)
 
 
-def _code(error: BaseException) -> int:
-    return error.code if isinstance(error, AdsError) else ADS_E_EXCEPTION
-
-
-def _detail(error: BaseException) -> str:
-    return error.detail or error.text if isinstance(error, AdsError) else f"{type(error).__name__}: {error}"
+def _detail(error: AdsError) -> str:
+    return error.detail or error.text

@@ -19,7 +19,6 @@ from typing import Final, Protocol, Self, TypeVar
 
 from bridge.core.hresult import (
     ADS_E_ACCESSDENIED,
-    ADS_E_EXCEPTION,
     ADS_E_EXISTS,
     ADS_E_INVALIDOBJID,
     ADS_E_INVALIDSTATE,
@@ -49,6 +48,7 @@ from bridge.tccom.interfaces import Interface, missing
 from bridge.tccom.itself import ServerObject
 from bridge.tccom.module import Module
 from bridge.tccom.objects import LiveObject, current_step
+from bridge.tccom.raised import as_ads_error
 from bridge.tccom.references import Reference
 from bridge.tccom.reports import Report, ReportTo
 from bridge.tccom.states import State
@@ -125,7 +125,7 @@ class ObjectServer:
         try:
             module = kind()
         except (Exception, SystemExit) as error:
-            raise AdsError(ADS_E_EXCEPTION, f"{kind.__name__} cannot be made: {type(error).__name__}: {error}") from error
+            raise as_ads_error(error, f"{kind.__name__} cannot be made") from error
         live = self._add(module, object_id, name, parent_id, parameters, state)
         try:
             return self._reference(live, interface, owner, transient=transient)

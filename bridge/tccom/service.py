@@ -32,7 +32,6 @@ from bridge.core import keys
 from bridge.core.hresult import (
     ADS_E_ACCESSDENIED,
     ADS_E_BUSY,
-    ADS_E_EXCEPTION,
     ADS_E_INCOMPATIBLE,
     ADS_E_INVALIDDATA,
     ADS_E_INVALIDPARM,
@@ -68,6 +67,7 @@ from bridge.tccom.general import IUnknown
 from bridge.tccom.identity import OBJECT_SERVER_ID, InterfaceId, ObjectId, id_text
 from bridge.tccom.interfaces import InterfaceInfo, Method, known_interface
 from bridge.tccom.objects import LiveObject
+from bridge.tccom.raised import as_ads_error
 from bridge.tccom.references import Holdable, Reference
 from bridge.tccom.server import ObjectServer
 
@@ -183,12 +183,8 @@ class ObjectService:
     def _carried_out(self, question: Question) -> bytes:
         try:
             return self._value(question)
-        except AdsError as error:
-            return self._refused(error)
-        except Exception as error:
-            # Whatever it is, the caller is told, and told the same when it asks again.
-            log.exception("carrying out %s", type(question).__name__)
-            return self._refused(AdsError(ADS_E_EXCEPTION, f"{type(error).__name__}: {error}"))
+        except Exception as error:  # noqa: BLE001 # whatever it is, the caller is told, and told the same when it asks again
+            return self._refused(as_ads_error(error))
 
     def _refused(self, error: AdsError) -> bytes:
         detail = error.detail.encode(errors="backslashreplace").decode()

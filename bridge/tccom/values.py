@@ -16,10 +16,11 @@ from typing import Final
 
 import msgspec
 
-from bridge.core.hresult import ADS_E_EXCEPTION, ADS_E_INVALIDACCESS, ADS_E_INVALIDSTATE, AdsError
+from bridge.core.hresult import ADS_E_INVALIDACCESS, ADS_E_INVALIDSTATE, AdsError
 from bridge.tccom.declarations import UNSET, InterfacePointer, Parameter, Settable
 from bridge.tccom.general import ParameterKey, Parameters
 from bridge.tccom.module import Module
+from bridge.tccom.raised import as_ads_error
 from bridge.tccom.states import State
 
 log: Final = logging.getLogger(__name__)
@@ -65,7 +66,7 @@ def set_parameter(module: Module, key: ParameterKey, value: object, state: State
             values[one.name] = before
         if isinstance(error, AdsError) or not isinstance(error, Exception | SystemExit):
             raise
-        raise AdsError(ADS_E_EXCEPTION, f"{one.name}: {type(error).__name__}: {error}") from error
+        raise as_ads_error(error, one.name) from error
 
 
 def read_symbol(module: Module, path: str) -> object:
