@@ -36,8 +36,9 @@ def run(
     down in reverse, the logger last. Each step is an event of the class
     TcBridge. [settings] of PLANT stand in the place of tcbridge.toml.
 
-    Exit code 1: a module was not up, or the target is served already. 2: faults
-    in PLANT, each with its line. 3: something was not sent or recorded.
+    Exit code 1: a module was not up, or failed while stopping, or the target is
+    served already. 2: faults in PLANT, each with its line. 3: something was not
+    sent or recorded.
 
     Try:
         tcbridge run plant.toml
@@ -71,6 +72,7 @@ def run(
         return Exit.OK
     known = catalog(settings)
     not_up: tuple[str, ...] = ()
+    host: Host | None = None
     with open_bus(settings) as bus:
         around = Surroundings(bus, settings, known, folder=plant.parent, plant=plant, told=note)
         try:
@@ -91,11 +93,13 @@ def run(
                     not_up = host.not_up()
         except Interrupted:
             pass
+    not_ended = () if host is None else host.not_ended()
     if common.json:
-        print_json({"stopped": "plant", "target": settings.one_target, "lost": around.lost, "not_up": not_up})
+        facts = {"lost": around.lost, "not_up": not_up, "not_ended": not_ended}
+        print_json({"stopped": "plant", "target": settings.one_target, **facts})
     else:
         print(f"plant {settings.one_target} stopped", flush=True)
-    return Exit.LOST if around.lost else Exit.NO if not_up else Exit.OK
+    return Exit.LOST if around.lost else Exit.NO if not_up or not_ended else Exit.OK
 
 
 def _faulty_settings(plant: "Plant") -> "Iterator[Problem]":

@@ -2,7 +2,8 @@
 
 Rule 1: first every module is created (PREOP), then each is brought to its state, whoever is needed before whoever needs. So
 interface pointers may form circles.
-Rule 2: a module that fails stays where it got to and is told about. Those that need it are not brought further; the others are.
+Rule 2: a module that fails stays where it got to and is told about, once. Those that need it are not brought further; the
+others are.
 Rule 3: closing takes the youngest down first, so the loggers last, by force. A module that does not end in time is told about
 and left behind: the recordings and the logs of the others are finished all the same.
 """
@@ -29,6 +30,7 @@ from bridge.tccom.identity import ObjectId
 from bridge.tccom.module import Module
 from bridge.tccom.proxy import RemoteTargets
 from bridge.tccom.raised import as_ads_error
+from bridge.tccom.reports import Report, ReportKind
 from bridge.tccom.server import ObjectServer
 from bridge.tccom.service import ObjectService
 from bridge.tccom.states import State
@@ -63,6 +65,9 @@ class Host:
         self.plan, self.around = plan, around
         self.target = around.settings.one_target
         self._down: set[ObjectId] = set()
+        self._told: set[ObjectId] = set()
+        self._not_ended: dict[ObjectId, str] = {}
+        self._closing = False
         with ExitStack() as opened:
             has_logger = any(each.module_class is Logger for each in plan.modules)
             self._publisher = (
@@ -71,7 +76,7 @@ class Host:
             self.news = News(self.target, self._send, told)
             around.on_logger = self.news.flush
             remote = opened.enter_context(RemoteTargets(around.bus, realm=around.settings.realm))
-            self.server = opened.enter_context(ObjectServer(factories=factories, report=self.news.report, remote=remote))
+            self.server = opened.enter_context(ObjectServer(factories=factories, report=self._report, remote=remote))
             opened.callback(self._take_down)
             self._service = opened.enter_context(
                 ObjectService(
@@ -83,6 +88,13 @@ class Host:
                 )
             )
             self._opened = opened.pop_all()
+
+    def _report(self, report: Report) -> None:
+        if report.kind in (ReportKind.FAILED, ReportKind.UNDO_FAILED) and self._closing:
+            self._not_ended[report.object_id] = report.object_name
+        if report.kind is ReportKind.FAILED:
+            self._told.add(report.object_id)
+        self.news.report(report)
 
     def _send(self, event: MessageSent) -> bool:
         if self._publisher is not None:
@@ -136,10 +148,12 @@ class Host:
 
     def _failed(self, each: Planned, why: str) -> None:
         self._down.add(each.object_id)
-        self.news.not_started(each.object_id, each.name, why)
+        if each.object_id not in self._told:
+            self.news.not_started(each.object_id, each.name, why)
 
     def _take_down(self) -> None:
         """Take the modules down, the youngest first, each on a thread that may be left behind."""
+        self._closing = True
         left_s = DOWN_S
         for each in reversed(self.plan.modules):
             begun_s = time.monotonic()
@@ -147,6 +161,7 @@ class Host:
             thread.start()
             thread.join(SYSTEM_S if each.rank < USER_RANK else max(LEAST_S, left_s))
             if thread.is_alive():
+                self._not_ended[each.object_id] = each.name
                 self.news.not_ended(each.object_id, each.name)
             left_s -= time.monotonic() - begun_s
 
@@ -158,6 +173,10 @@ class Host:
         """The names of the modules that are not in the state that the plan wants."""
         states = {info.object_id: info.state for info in self.server.objects()}
         return tuple(each.name for each in self.plan.modules if states.get(each.object_id, State.INIT) < each.state)
+
+    def not_ended(self) -> tuple[str, ...]:
+        """The names of the modules that failed while they were taken down, or were left behind."""
+        return tuple(self._not_ended.values())
 
     def close(self) -> None:
         """Take everything down. Any number of times."""

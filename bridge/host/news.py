@@ -4,6 +4,7 @@ Rule 1: the source of such an event is the module, with its object id and name.
 Rule 2: events are held until the logger is in OP and those who listen had their turn: so a listener and a recorder of the same
 plant see it starting. What is held has the time at which it happened. Without a logger in the plant they are sent as they come.
 Rule 3: telling never fails whoever did something, and never waits.
+Rule 4: of a text with several lines (a filter with a caret under the fault, say) an event has the first.
 """
 
 import contextlib
@@ -80,8 +81,9 @@ class News:
         self._tell(object_id, name, MODULE_BROKEN, (name_of(ADS_E_TIMEOUT), "it does not end and is left behind"))
 
     def _tell(self, object_id: ObjectId, name: str, event_id: int, arguments: tuple[int | str, ...]) -> None:
+        shown = [one.partition("\n")[0] if isinstance(one, str) else one for one in arguments]
         event = msgspec.structs.replace(
-            own_event(self._target, "modules", event_id, name or id_text(object_id), *arguments),
+            own_event(self._target, "modules", event_id, name or id_text(object_id), *shown),
             source_id=object_id,
             source_name=name[:255],
             time_ns=time.time_ns(),

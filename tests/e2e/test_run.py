@@ -142,9 +142,15 @@ class Running:
         self._environ = {name: value for name, value in os.environ.items() if not name.startswith(("TCBRIDGE_", "PYTHON"))}
         self._group = config.scouting_group
         self.steps: list[tuple[str, str]] = []
-        self.process = subprocess.Popen(
-            self._command("run", "plant.toml", "--json"), cwd=folder, env=self._environ, stdout=subprocess.PIPE, text=True
-        )
+        with (folder / "stderr").open("w") as stderr:
+            self.process = subprocess.Popen(
+                self._command("run", "plant.toml", "--json"),
+                cwd=folder,
+                env=self._environ,
+                stdout=subprocess.PIPE,
+                stderr=stderr,
+                text=True,
+            )
 
     def run(self, *arguments: str) -> "subprocess.CompletedProcess[str]":
         """A command of the same environment, to its end."""
@@ -238,7 +244,7 @@ def test_a_plant_runs_from_one_file(fresh: Path, tmp_path: Path, bus_config: Bus
 
 @pytest.mark.parametrize("fails", ["IP", "PS", "SO", "OS", "SP", "PI"])
 def test_one_module_that_fails_takes_nobody_with_it(fresh: Path, tmp_path: Path, bus_config: BusConfig, fails: str) -> None:
-    """It is told, the others run and end in time, the recording is complete."""
+    """It is told once, with line and traceback, the others run and end in time, the recording is complete."""
     with running(fresh, tmp_path, bus_config, fails) as plant:
         starts = fails in ("IP", "PS", "SO")
         assert plant.until("ready")["not_up"] == (["Conveyor"] if starts else [])
@@ -247,9 +253,13 @@ def test_one_module_that_fails_takes_nobody_with_it(fresh: Path, tmp_path: Path,
         others = dict.fromkeys(["ObjectServer", *ORDER[:-1]], "op")
         left = {"IP": {}, "PS": {"Conveyor": "preop"}, "SO": {"Conveyor": "safeop"}}
         assert states == others | left.get(fails, {"Conveyor": "op"})
-        assert plant.stop() == int(starts)
+        assert plant.stop() == 1
     failures = [text for name, text in plant.steps if name == "Conveyor" and "failed" in text]
     assert len([text for text in failures if text.startswith(f"Conveyor: {fails} failed")]) == 1
+    line = MODULE[: MODULE.index("raise RuntimeError")].count("\n") + 1
+    assert [text.partition("RuntimeError")[2] for text in failures] == [f": made to fail (acme_modules.py:{line} in _step)"]
+    assert not any("not started" in text for _, text in plant.steps)
+    assert (tmp_path / "stderr").read_text().count("Traceback") == 1
     assert summary(tmp_path / "night.mcap").complete == "yes"
 
 

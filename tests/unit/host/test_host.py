@@ -164,10 +164,12 @@ def test_a_module_that_fails_stays_where_it_is_and_the_others_run(tmp_path: Path
         assert plant.host.not_up() == (("User", "Depends") if starts else ())
         if starts:
             assert plant.steps("Depends")[-1] == "Depends is not started: it needs User"
+        assert not any("not started" in text for text in plant.steps("User"))  # why it failed is told, and once
     failure = [event for event in plant.told if event.event_id == 11]
     assert [(event.source_name, event.arguments[1].value) for event in failure] == [("User", fails)]
     assert failure[0].severity is Severity.ERROR
     assert "ValueError: as it was told" in TEXTS.event_text(failure[0])
+    assert plant.host.not_ended() == (() if starts else ("User",))
     assert plant.host.server.living == 0
     lines = [json.loads(line) for line in (tmp_path / "lines.jsonl").read_text().splitlines()]
     ups = [line for line in lines if line["source_name"] == "Log" and line["event_id"] == 10]
@@ -234,6 +236,8 @@ parameters = { path = "x.mcap", filter = "event_class = 'Nix'" }
         assert plant.states == {"ObjectServer": State.OP, "Log": State.OP, "Twin": State.PREOP}
         assert "has a logger already" in plant.steps("Twin")[-1]
         assert "ADS_E_INVALIDPARM" in plant.steps("Rec")[-1]
+        assert "\n" not in "".join(plant.steps("Rec"))
+        assert [len([text for text in plant.steps(name) if "ADS_E" in text]) for name in ("Twin", "Rec")] == [1, 1]
         assert plant.host.not_up() == ("Twin", "Rec")
 
 
@@ -256,6 +260,7 @@ def test_a_module_that_does_not_end_is_left_behind(tmp_path: Path) -> None:
         assert time.monotonic() - begun < 3.0
     Stuck.let_go.set()
     assert plant.steps("User")[-1] == "User does not work any more: ADS_E_TIMEOUT: it does not end and is left behind"
+    assert plant.host.not_ended() == ("User",)
     assert summary(tmp_path / "rec.mcap").complete == "yes"
     assert plant.steps("Log")[-1] == "Log: PI done in 0 ms, now INIT"
 
