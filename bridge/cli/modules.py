@@ -194,6 +194,7 @@ def _with_remote(common: Common, wait_s: float, work: "Callable[[RemoteObjects],
     import time
 
     from bridge.core.hresult import ADS_E_TIMEOUT, AdsError
+    from bridge.logger.presence import OBJECTS, targets_of
     from bridge.tccom.proxy import RemoteObjects
 
     settings = common.load()
@@ -201,7 +202,8 @@ def _with_remote(common: Common, wait_s: float, work: "Callable[[RemoteObjects],
         try:
             remote.session(time.monotonic() + wait_s)
         except AdsError as error:
-            note(f"tcbridge: {error.detail}")
+            others = ", ".join(clean(each) for each in sorted(targets_of(bus, settings.realm, role=OBJECTS)))
+            note(f"tcbridge: {error.detail}{others and f'; these have one, choose with --target: {others}'}")
             return Exit.UNKNOWN
         try:
             return work(remote)

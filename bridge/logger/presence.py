@@ -45,6 +45,12 @@ def loggers(bus: Bus, target: str, realm: str = keys.LIVE, *, role: str = LOGGER
     return {session for session in found if session is not None}
 
 
+def targets_of(bus: Bus, realm: str = keys.LIVE, *, role: str = LOGGER) -> set[str]:
+    """Targets whose name somebody holds now."""
+    found = bus.who_is_alive(keys.verb_key(realm, None, "@alive", role, None), timeout_s=0.5)
+    return {keys.parse_verb_key(key)[1] for key in found if session_of(key) is not None}
+
+
 class Presence:
     """Follows the loggers of a target until closed; changed(there) is called when the first comes or the last goes."""
 

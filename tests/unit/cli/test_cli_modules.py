@@ -128,7 +128,11 @@ def test_refusals(at_work: Run) -> None:
 
 def test_nobody_there_and_nothing_allowed(at_work: Run) -> None:
     """4 is nobody; what is switched off is refused."""
-    assert at_work("list", "--wait", "0.3", target="plc9") == (4, "", "tcbridge: target 'plc9' has no object server\n")
+    code, out, err = at_work("list", "--wait", "0.3", target="plc9")
+    assert (code, out) == (4, "")
+    assert err == "tcbridge: target 'plc9' has no object server; these have one, choose with --target: closed, plc1\n"
+    code, out, err = at_work("list", "--wait", "0.3", "--realm", "elsewhere")
+    assert (code, out, err) == (4, "", "tcbridge: target 'plc1' has no object server\n")
     assert at_work("list", target="closed")[0] == 0
     code, _, err = at_work("state", "Mixer", "preop", target="closed")
     assert (code, "ADS_E_ACCESSDENIED (0x98110723): access denied: closed does not allow state" in err) == (1, True)
