@@ -19,12 +19,15 @@ from bridge.core.alarms import Alarm, AlarmKey
 from bridge.core.events import Source
 
 if TYPE_CHECKING:
+    from bridge.core.catalog import Catalog
+    from bridge.core.filters.ast import Expr
     from bridge.logger import LoggerProxy
+    from bridge.texts import Texts
 
 ALARM: Final = Group("Alarm", sort_key=10)
 COMMAND: Final = Group("Command", sort_key=11)
 
-EventClass: TypeAlias = Annotated[str, Parameter(name="CLASS", help="Event class: a GUID, or a name from --classes.")]
+EventClass: TypeAlias = Annotated[str, Parameter(name="CLASS", help="Event class: a GUID, or a name.")]
 Every: TypeAlias = Annotated[bool, Parameter(name="--all", help="All alarms, or all of --filter.", group=ALARM)]
 OfFilter: TypeAlias = Annotated[str, Parameter(name="--filter", help="With --all: which, by their state now.", group=ALARM)]
 EventId: TypeAlias = Annotated[str, Parameter(name="EVENT", help="Event id, or the event's name in the class.")]
@@ -90,20 +93,37 @@ def connected(settings: Settings, wait_s: float) -> "Iterator[LoggerProxy]":
             yield proxy
 
 
+@contextmanager
+def _connected_with_texts(settings: Settings, wait_s: float, known: "Catalog") -> "Iterator[tuple[LoggerProxy, Texts]]":
+    """The logger of the target, and who asks for classes of no file."""
+    from bridge.texts import Texts
+
+    with connected(settings, wait_s) as proxy, Texts(proxy.bus, realm=settings.realm, catalog=known) as texts:
+        yield proxy, texts
+
+
 class _Call:
     """One command: its settings, class and event."""
 
     def __init__(self, event_class: str, event_id: str, which: Which, how: How, common: Common) -> None:
         self.settings = common.load(operator=how.operator)
         self.catalog = catalog(self.settings)
-        self.guid = values.class_guid(event_class, self.catalog)
-        self.id = values.event_number(event_id, self.guid, self.catalog)
+        self.guid, self.id = "", 0
+        self._named = event_class, event_id
         self.source = which.source
         self.time_ns = values.time_ns(how.time)
         self.operator = operator(self.settings)
         self.comment = how.comment
         self.as_json = common.json
         self.wait_s = how.wait
+
+    @contextmanager
+    def connected(self) -> "Iterator[LoggerProxy]":
+        """The logger of the target; after this guid and id are known, and the catalog has the class if anybody offers it."""
+        with _connected_with_texts(self.settings, self.wait_s, self.catalog) as (proxy, texts):
+            self.guid, self.id = values.named_event(*self._named, texts, self.settings.one_target)
+            self.catalog = texts.catalog
+            yield proxy
 
     @property
     def key(self) -> AlarmKey:
@@ -139,12 +159,20 @@ class _AllCall:
             raise Usage("--all stands for every alarm; choose some with --filter")
         self.settings = common.load(operator=how.operator)
         self.catalog = catalog(self.settings)
-        self.filter = parse_filter(filter, self.catalog)
+        self._filter = filter
         self.time_ns = values.time_ns(how.time)
         self.operator = operator(self.settings)
         self.comment = how.comment
         self.as_json = common.json
         self.wait_s = how.wait
+
+    @contextmanager
+    def connected(self) -> "Iterator[tuple[LoggerProxy, Expr]]":
+        """The logger of the target, and the filter; its classes may be those that the bus knows."""
+        with _connected_with_texts(self.settings, self.wait_s, self.catalog) as (proxy, texts):
+            expr = parse_filter(self._filter, self.catalog, texts.guids)
+            self.catalog = texts.catalog
+            yield proxy, expr
 
     def show(self, alarms: Sequence[Alarm], done: str) -> int:
         """Print the alarms as they are now."""
@@ -188,7 +216,7 @@ def create(
         tcbridge create Faults LagError --classes examples/plant.tmc
     """
     call = _Call(event_class, event_id, which, How(wait=wait), common)
-    with connected(call.settings, wait) as proxy:
+    with call.connected() as proxy:
         answer = proxy.create_alarm(
             call.guid,
             call.id,
@@ -226,7 +254,7 @@ def raise_(
     """
     call = _Call(event_class, event_id, which, how, common)
     arguments = [values.argument(each) for each in what.arg]
-    with connected(call.settings, how.wait) as proxy:
+    with call.connected() as proxy:
         answer = proxy.create_alarm(
             call.guid,
             call.id,
@@ -270,9 +298,9 @@ def clear(
     """
     if all:
         every = _AllCall(event_class or what != WHAT, filter, which, how, common)
-        with connected(every.settings, how.wait) as proxy:
+        with every.connected() as (proxy, expr):
             cleared = proxy.clear_alarms(
-                every.filter,
+                expr,
                 reset_confirmation=reset_confirmation,
                 time_ns=every.time_ns,
                 operator=every.operator,
@@ -280,7 +308,7 @@ def clear(
             )
         return every.show(cleared, "cleared")
     call = _Call(*_one(event_class, event_id, filter), which, how, common)
-    with connected(call.settings, how.wait) as proxy:
+    with call.connected() as proxy:
         return call.show(
             proxy.clear_alarm(
                 call.find(proxy),
@@ -317,13 +345,11 @@ def confirm(
     """
     if all:
         every = _AllCall(event_class, filter, which, how, common)
-        with connected(every.settings, how.wait) as proxy:
-            confirmed = proxy.confirm_alarms(
-                every.filter, time_ns=every.time_ns, operator=every.operator, comment=every.comment
-            )
+        with every.connected() as (proxy, expr):
+            confirmed = proxy.confirm_alarms(expr, time_ns=every.time_ns, operator=every.operator, comment=every.comment)
         return every.show(confirmed, "confirmed")
     call = _Call(*_one(event_class, event_id, filter), which, how, common)
-    with connected(call.settings, how.wait) as proxy:
+    with call.connected() as proxy:
         return call.show(
             proxy.confirm_alarm(call.find(proxy), time_ns=call.time_ns, operator=call.operator, comment=call.comment)
         )
@@ -347,7 +373,7 @@ def dispose(
         tcbridge dispose Faults LagError --classes examples/plant.tmc
     """
     call = _Call(event_class, event_id, which, how, common)
-    with connected(call.settings, how.wait) as proxy:
+    with call.connected() as proxy:
         key = call.find(proxy)
         answer = proxy.dispose_alarm(key, time_ns=call.time_ns, operator=call.operator, comment=call.comment)
     if call.as_json:

@@ -15,7 +15,7 @@ EVENT = Group("Event", sort_key=10)
 
 
 def send(
-    event_class: Annotated[str, Parameter(name="CLASS", help="Event class: a GUID, or a name from --classes.")],
+    event_class: Annotated[str, Parameter(name="CLASS", help="Event class: a GUID, or a name.")],
     event_id: Annotated[str, Parameter(name="EVENT", help="Event id, or the event's name in the class.")],
     /,
     *,
@@ -51,9 +51,6 @@ def send(
     """
     settings = common.load(encoding=encoding)
     known = catalog(settings)
-    guid = values.class_guid(event_class, known)
-    number = values.event_number(event_id, guid, known)
-    chosen = values.severity(severity, guid, number, known)
     arguments = [values.argument(each) for each in arg]
     source = values.source(source_name, source_id, source_guid)
     time_ns = values.time_ns(time)
@@ -61,8 +58,12 @@ def send(
         raise Usage(f"--wait {wait} is negative")
 
     from bridge.publisher import Publisher
+    from bridge.texts import Texts
 
-    with open_bus(settings) as bus:
+    with open_bus(settings) as bus, Texts(bus, realm=settings.realm, catalog=known) as texts:
+        guid, number = values.named_event(event_class, event_id, texts, settings.one_target)
+        known = texts.catalog
+        chosen = values.severity(severity, guid, number, known)
         publisher = Publisher(bus, settings.one_target, realm=settings.realm, encoding=settings.wire_encoding)
         try:
             heard = publisher.wait_for_listener(wait)

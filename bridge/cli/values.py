@@ -7,19 +7,24 @@ Rule 2: an event class is a GUID or a name; a name that stands for several versi
 import base64
 import binascii
 import re
+from contextlib import suppress
 from typing import TYPE_CHECKING, Final, Literal, TypeAlias
 
 from bridge.cli.exits import Usage
 from bridge.core.arguments import Argument, ArgumentError, ArgumentType, EventReference, guid
 from bridge.core.events import Severity, Source
+from bridge.core.hresult import AdsError
 from bridge.core.times import parse_time
 
 if TYPE_CHECKING:
     from bridge.core.catalog import Catalog
+    from bridge.texts import Texts
 
 SeverityName: TypeAlias = Literal["verbose", "info", "warning", "error", "critical"]
 TYPES: Final = {kind.name.lower(): kind for kind in ArgumentType if kind is not ArgumentType.UNDEFINED}
 """The types that --arg takes, by name."""
+_ASK_S: Final = 3.0
+"""Seconds to wait for what the bus knows of a class."""
 _WORDS: Final = {"true": True, "false": False}
 _FACTORS: Final = {"": 1, "K": 10**3, "M": 10**6, "G": 10**9, "T": 10**12}
 _SIZE: Final = re.compile(r"(\d{1,15}(?:\.\d{1,9})?) ?([KMGT]?)B?", re.ASCII)
@@ -74,6 +79,24 @@ def class_guid(text: str, catalog: "Catalog") -> str:
         return guid(text)
     except ValueError:
         return catalog.newest(text).guid
+
+
+def named_event(event_class: str, event_id: str, texts: "Texts", target: str) -> tuple[str, int]:
+    """The GUID of a class and the id of an event, each given as such or by name; a class of no file is asked for on the bus.
+
+    The errors are those of class_guid() and event_number().
+    """
+    from bridge.core.catalog import ClassNameError
+
+    try:
+        found = class_guid(event_class, texts.catalog)
+    except ClassNameError:
+        texts.guids(event_class)
+        found = class_guid(event_class, texts.catalog)
+    if found not in texts.catalog:
+        with suppress(AdsError, TimeoutError):  # nobody knows it: a number is enough
+            texts.request_class_name(found, target=target).result(_ASK_S)
+    return found, event_number(event_id, found, texts.catalog)
 
 
 def event_number(text: str, event_class: str, catalog: "Catalog") -> int:

@@ -77,12 +77,16 @@ class Folder:
         """tcbridge with these arguments on the bus of this folder."""
         return ("-m", "bridge.cli", *arguments, "--scouting-group", self.group)
 
-    def lines(self, *arguments: str) -> list[str]:
-        """Run a command to its end, which must be a good one: its output."""
+    def run(self, *arguments: str) -> "subprocess.CompletedProcess[str]":
+        """Run a command to its end."""
         command = [sys.executable, *self.command(*arguments)]
-        done = subprocess.run(
+        return subprocess.run(
             command, cwd=self.path, env=self.environ, capture_output=True, encoding="utf-8", timeout=DEADLINE_S
         )
+
+    def lines(self, *arguments: str) -> list[str]:
+        """Run a command to its end, which must be a good one: its output."""
+        done = self.run(*arguments)
         assert (done.returncode, done.stderr) == (0, "")
         return done.stdout.splitlines()
 
@@ -142,8 +146,7 @@ def test_alarms_and_log_of_a_logger_with_classes(folder: Folder) -> None:
     file.write_text(CLASSES, encoding="utf-8")
     with folder.start(*folder.command("serve", "--target", "plc1", "--classes", str(file))) as serve:
         wait_for(serve, "ready")
-        raising = ("raise", "Pump", "RanDry", "--classes", str(file), "--target", "plc1", "--arg", "7", "--arg", "2.5")
-        folder.lines(*raising)
+        folder.lines("raise", "Pump", "RanDry", "--target", "plc1", "--arg", "7", "--arg", "2.5")
         (alarm,) = folder.lines("alarms", "--target", "plc1", "--lang", "de", "--json")
         assert json.loads(alarm)["text"] == "Pumpe 7 lief nach 2.500000 h trocken"
         table = folder.lines("alarms", "--target", "plc1", "--lang", "en")
@@ -155,3 +158,25 @@ def test_alarms_and_log_of_a_logger_with_classes(folder: Folder) -> None:
         serve.terminate()
         serve.communicate(timeout=DEADLINE_S)
         assert serve.returncode == 0
+
+
+def test_commands_name_classes_that_only_the_logger_has(folder: Folder) -> None:
+    """raise, confirm --all, clear and send find class and event by their names on the bus, and the severity of the class."""
+    place = folder.path.parent / f"{folder.path.name}-classes"
+    place.mkdir()
+    file = place / "pump.classes.toml"
+    file.write_text(CLASSES, encoding="utf-8")
+    with folder.start(*folder.command("serve", "--target", "plc1", "--classes", str(file))) as serve:
+        wait_for(serve, "ready")
+        (line,) = folder.lines("raise", "Pump", "RanDry", "--target", "plc1", "--arg", "7", "--with-confirmation", "--json")
+        alarm = json.loads(line)
+        assert (alarm["class_name"], alarm["severity"], alarm["raised"]) == ("Pumps", 3, True)
+        (line,) = folder.lines("clear", alarm["event_class"], "RanDry", "--target", "plc1", "--lang", "de", "--json")
+        assert json.loads(line)["text"].startswith("Pumpe 7 lief nach")
+        confirm = folder.run("confirm", "--all", "--filter", "event_class = 'Pump'", "--target", "plc1", "--json")
+        assert (confirm.returncode, confirm.stderr) == (0, "1 alarm confirmed\n")
+        assert json.loads(confirm.stdout)["class_name"] == "Pumps"
+        (line,) = folder.lines("send", "Pump", "RanDry", "--target", "plc1", "--arg", "7", "--json")
+        assert (json.loads(line)["class_name"], json.loads(line)["severity"]) == ("Pumps", 3)
+        wrong = folder.run("raise", "Pumb", "RanDry", "--target", "plc1")
+        assert (wrong.returncode, "unknown event class 'Pumb'" in wrong.stderr) == (2, True), wrong.stderr
