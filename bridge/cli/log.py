@@ -36,6 +36,10 @@ def log(
             return Exit.OK
         found = list(rows)
         view.print_log(found, occurrences=which.view == "occurrences")
+    unknown = {entry.event.event_class for entry in found if entry.event.event_class not in known}
+    if which.cache is not None and unknown:
+        classes = "an event class is" if len(unknown) == 1 else f"{len(unknown):,} event classes are"
+        note(f"{classes} unknown, a cache holds none; for texts name the class files with --classes")
     if limit and len(found) == limit:
         note(f"these are {limit}; --limit 0 shows all")
     return Exit.OK

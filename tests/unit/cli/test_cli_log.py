@@ -56,6 +56,22 @@ def test_what_is_shown(cache: str, capsys: pytest.CaptureFixture[str], options: 
     assert seqs(capsys, "--cache", cache, *options.split()) == wanted
 
 
+def test_a_cache_without_texts_says_what_gives_them(cache: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """A cache holds no event classes: GUIDs in a table come with a hint on stderr, and not when a class file knows them."""
+    assert run(["log", "--cache", cache]) == Exit.OK
+    assert capsys.readouterr().err == (
+        "an event class is unknown, a cache holds none; for texts name the class files with --classes\n"
+    )
+    guid = message_sent().event_class
+    (tmp_path / "a.toml").write_text(
+        f'[[classes]]\nname = "A"\nguid = "{guid}"\n[[classes.events]]\nid = 1\n'
+        'name = "B"\nseverity = "info"\ndisplay_text = "b"\n',
+        encoding="utf-8",
+    )
+    assert run(["log", "--cache", cache, "--classes", "a.toml"]) == Exit.OK
+    assert capsys.readouterr().err == ""
+
+
 def test_occurrences_have_a_state_and_a_duration(cache: str, capsys: pytest.CaptureFixture[str]) -> None:
     """For people too."""
     assert run(["log", "--cache", cache, "--view", "occurrences"]) == Exit.OK
