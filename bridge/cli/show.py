@@ -50,7 +50,7 @@ CONFIRMATION_WORDS: Final = {
     ConfirmationState.RESET: "reset",
 }
 WIDE: Final = 150
-"""Columns a terminal needs for the table of the log with all its times."""
+"""Columns a terminal needs for tables with all their times."""
 _HOSTILE: Final = {
     code: f"\\x{code:02x}" if code < 256 else f"\\u{code:04x}"
     for code in (*range(32), *range(127, 160), 0x061C, *range(0x200E, 0x2010), *range(0x2028, 0x202F), *range(0x2066, 0x206A))
@@ -104,7 +104,7 @@ def print_table(headers: Sequence[str], rows: Sequence[Sequence[Cell]], *, capti
         table.title, table.title_justify, table.title_style = title or None, "left", "bold"
         table.caption, table.caption_justify = caption or None, "left"
         for column, header in zip(table.columns, headers, strict=True):
-            column.overflow, column.no_wrap = "fold", header in ("Severity", "Id", "Event", "State")
+            column.overflow, column.no_wrap = "fold", header in ("Severity", "Id", "Event", "State", "Confirmation")
         for row in rows:
             table.add_row(*(Text(*_span(cell)) for cell in row))
         console().print(table)
@@ -203,11 +203,12 @@ class View(NamedTuple):
             ]
             for alarm in alarms
         ]
-        print_table(headers, rows, caption=f"times in UTC on {day}" if day else "", title=title)
+        may_go = () if _wide() else ("Confirmation", "Source", "Raised", "Cleared", "Confirmed")
+        print_table(*_without_empty(headers, rows, may_go), caption=f"times in UTC on {day}" if day else "", title=title)
 
     def print_log(self, entries: "Sequence[Stored]", *, occurrences: bool = False) -> None:
         """Stored events as a table; occurrences: each is an alarm's life or a message, with its state and duration."""
-        wide = not on_terminal() or shutil.get_terminal_size().columns >= WIDE
+        wide = _wide()
         day = _shared_day(time for entry in entries for time in (entry.event.time_ns, *_times(entry.event)))
         headers = ["Time", "Severity", "Event", "Class", "Id", "Unique id", "Text", "Source"]
         if occurrences:
@@ -234,6 +235,19 @@ class View(NamedTuple):
             rows,
             caption=f"times in UTC on {day}" if day else "",
         )
+
+
+def _wide() -> bool:
+    """Whether there is room for every column."""
+    return not on_terminal() or shutil.get_terminal_size().columns >= WIDE
+
+
+def _without_empty(
+    headers: Sequence[str], rows: Sequence[Sequence[Cell]], may_go: Sequence[str]
+) -> tuple[Sequence[str], list[list[Cell]]]:
+    """A table without those of its columns that may go and are empty in every row."""
+    kept = [n for n, header in enumerate(headers) if header not in may_go or any(row[n] for row in rows) or not rows]
+    return [headers[n] for n in kept], [[row[n] for n in kept] for row in rows]
 
 
 def _state(alarm: Alarm) -> str:

@@ -160,3 +160,25 @@ def test_brackets_in_a_text_are_no_markup(capsys: pytest.CaptureFixture[str], mo
     out = capsys.readouterr().out
     assert "[red]x[/red] :smile:" in out
     assert "[red]y" in out
+
+
+def test_a_narrow_terminal_leaves_out_columns_without_values(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In 80 columns the table of alarms has no empty column of times or sources, so texts and headers stay in one line."""
+    from rich.console import Console
+
+    console = Console(force_terminal=True, width=80, color_system=None, highlight=False)
+    monkeypatch.setattr(show, "on_terminal", lambda: True)
+    monkeypatch.setattr(show, "console", lambda: console)
+    monkeypatch.setenv("COLUMNS", "80")
+    alarm = step(None, RAISED)
+    assert alarm is not None
+    VIEW.print_alarms([alarm])
+    header, row, *_ = capsys.readouterr().out.splitlines()
+    assert header.split() == ["Severity", "State", "Confirmation", "Class", "Id", "Text", "Raised"]
+    assert "Axis {0} lags" in row
+    assert "12:00:00.123" in row
+    monkeypatch.setenv("COLUMNS", "200")
+    VIEW.print_alarms([alarm])
+    assert "Source" in capsys.readouterr().out
