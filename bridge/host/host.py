@@ -41,6 +41,8 @@ LEAST_S: Final = 0.05
 """What each of them gets even so."""
 SYSTEM_S: Final = 1.5
 """What one of ours may take."""
+UP_S: Final = 10.0
+"""How long the others wait for a module that comes up."""
 ACCESS: Final[dict[ModulesAccess, frozenset[Access]]] = {
     "none": frozenset(),
     "read": frozenset({Access.READ}),
@@ -141,10 +143,21 @@ class Host:
         if missing := [names[number] for number in each.needs if number in self._down and number != each.object_id]:
             self._failed(each, f"it needs {', '.join(missing)}")
             return
-        try:
-            self.server.set_state(each.object_id, each.state)
-        except AdsError as error:
-            self._failed(each, str(error))
+        failures: list[str] = []
+
+        def step() -> None:
+            try:
+                self.server.set_state(each.object_id, each.state)
+            except AdsError as error:
+                failures.append(str(error))
+
+        thread = threading.Thread(target=step, name=f"start {each.name}", daemon=True)
+        thread.start()
+        thread.join(UP_S)
+        if thread.is_alive():
+            failures.append(f"it is not up after {UP_S:g} s")
+        for why in failures:
+            self._failed(each, why)
 
     def _failed(self, each: Planned, why: str) -> None:
         self._down.add(each.object_id)

@@ -110,7 +110,7 @@ class Running:
         self.lines: list[str] = []
         self.folder = folder
         factories = Factories(installed=False)
-        factories.register(Fragile, Simple, Stuck)
+        factories.register(Fragile, Simple, Stuck, Slow)
         plan = make_plan(read_plant(text.encode(), "plant.toml"), factories)
         self.around = Surroundings(
             bus, settings, builtin_catalog().merged((OWN_EVENTS,)), folder=folder, told=self.lines.append
@@ -249,6 +249,33 @@ class Stuck(Module):
 
     def on_os(self) -> None:
         self.let_go.wait(30)
+
+
+class Slow(Module):
+    """Does not come up."""
+
+    class_id = "7a1f5a0e-1111-4c60-8f0e-1d1d1d1d1024"
+    let_go = threading.Event()
+
+    def on_so(self) -> None:
+        self.let_go.wait(30)
+
+
+def test_a_module_that_does_not_come_up_holds_nobody_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is told about; who needs it waits in PREOP, the others run, and the plant ends in time."""
+    monkeypatch.setattr("bridge.host.host.UP_S", 0.5)
+    Slow.let_go.clear()
+    try:
+        with running(tmp_path, PLANT.replace(USER, 'class = "Slow"').format(own=OWN_CLASS)) as plant:
+            assert plant.host.not_up() == ("User", "Depends")
+            assert plant.states["Other"] is State.OP
+            assert plant.steps("User")[-1].endswith("it is not up after 0.5 s")
+            begun = time.monotonic()
+            plant.host.close()
+            assert time.monotonic() - begun < 3.0
+    finally:
+        Slow.let_go.set()
+    assert summary(tmp_path / "rec.mcap").complete == "yes"
 
 
 def test_a_module_that_does_not_end_is_left_behind(tmp_path: Path) -> None:
