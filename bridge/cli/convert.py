@@ -9,7 +9,7 @@ from bridge.cli.exits import Exit, Usage
 from bridge.cli.options import TEXTS_ONLY, Texts, note
 from bridge.cli.progress import counting
 from bridge.cli.recordings import known_classes, tell_damages
-from bridge.cli.show import print_json
+from bridge.cli.show import counted, print_json
 
 if TYPE_CHECKING:
     from bridge.config import Settings
@@ -56,7 +56,7 @@ def convert(
         print_json({"converted": str(target), "complete": complete, **facts})
     else:
         changed = f", {report.from_msgpack:,} of them from msgpack" if report.from_msgpack else ""
-        print(f"converted {report.events:,} events into {target}{changed}; complete: {complete}")
+        print(f"converted {counted(report.events, 'event')} into {target}{changed}; complete: {complete}")
     return code or Exit.OK
 
 

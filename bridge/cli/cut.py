@@ -9,7 +9,7 @@ from bridge.cli.exits import Exit, Usage
 from bridge.cli.options import TEXTS_ONLY, Texts
 from bridge.cli.progress import counting
 from bridge.cli.recordings import WHICH, Which, count_events, known_classes, recordings, tell_damages, viewer_for
-from bridge.cli.show import print_json
+from bridge.cli.show import counted, print_json
 
 if TYPE_CHECKING:
     from bridge.edges.recording import Part
@@ -108,5 +108,5 @@ def _copy(sources: list[Path], target: Path, part: "Part", compression: Packing,
     else:
         filled = f"; {report.filled:,} that one file missed came from another" if report.filled else ""
         missing = f"; {report.missing:,} are missing" if report.missing else ""
-        print(f"{word} {report.events:,} events into {target}{filled}{missing}; complete: {complete}")
+        print(f"{word} {counted(report.events, 'event')} into {target}{filled}{missing}; complete: {complete}")
     return code or Exit.OK

@@ -9,7 +9,7 @@ from bridge.cli.exits import Exit
 from bridge.cli.options import BASIC, Basic
 from bridge.cli.progress import counting
 from bridge.cli.recordings import recordings
-from bridge.cli.show import clean, print_json
+from bridge.cli.show import clean, counted, print_json
 
 
 def doctor(
@@ -44,7 +44,7 @@ def doctor(
             for each in found:
                 print_json({"file": str(path), "fault": each.fault, "text": each.text})
             continue
-        print(clean(f"{path}: {f'{wrong} faults' if wrong else 'nothing wrong'}"))
+        print(clean(f"{path}: {counted(wrong, 'fault') if wrong else 'nothing wrong'}"))
         for each in found:
             print(clean(f"  {'fault' if each.fault else 'remark'}: {each.text}"))
     return Exit.NO if faults else Exit.OK

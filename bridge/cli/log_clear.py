@@ -8,7 +8,7 @@ from cyclopts import Group, Parameter
 from bridge.cli.exits import Exit, Usage
 from bridge.cli.options import COMMON, Common, catalog, note, operator
 from bridge.cli.selection import LOG, SELECTION, Selection
-from bridge.cli.show import clean, print_json
+from bridge.cli.show import clean, counted, print_json
 from bridge.config import HELP
 
 CLEAR = Group("Clear", sort_key=11)
@@ -49,7 +49,7 @@ def clear(
     if common.json:
         print_json({"cleared": count})
     else:
-        print(f"{count:,} events cleared")
+        print(f"{counted(count, 'event')} cleared")
     return Exit.OK
 
 

@@ -10,7 +10,7 @@ from bridge.cli.exits import Exit
 from bridge.cli.log_export import Format
 from bridge.cli.options import BASIC, Basic, note
 from bridge.cli.progress import counting
-from bridge.cli.show import clean, print_json
+from bridge.cli.show import clean, counted, print_json
 from bridge.core.csv_export import CsvError, import_csv, import_jsonl
 
 IMPORT: Final = Group("Import", sort_key=10)
@@ -71,7 +71,8 @@ def import_(
     if basic.json:
         print_json({"imported": done.events, "bad": bad.count, "duplicates": done.duplicates, "cache": str(cache)})
     else:
-        print(f"{done.events:,} events imported into {cache}, {done.duplicates:,} were there twice, {bad.count:,} bad rows")
+        twice = f"{done.duplicates:,} were there twice"
+        print(f"{counted(done.events, 'event')} imported into {cache}, {twice}, {counted(bad.count, 'bad row')}")
     return Exit.LOST if bad.count else Exit.OK
 
 

@@ -14,7 +14,7 @@ from cyclopts import Group, Parameter
 from bridge.cli.exits import Exit, Usage
 from bridge.cli.options import BUS, REALM, Network, Texts, catalog, note, open_bus, parse_filter
 from bridge.cli.progress import counting
-from bridge.cli.show import print_json
+from bridge.cli.show import counted, print_json
 from bridge.cli.signals import Interrupted
 from bridge.cli.values import size
 from bridge.config import Loaded, Settings
@@ -158,7 +158,8 @@ def record(
             raise Usage(str(error)) from None
         try:
             control = stack.enter_context(_control(recorder, bus, name, settings.realm, stopped))
-            note(f"recording realm {settings.realm} to {path}; its name is {control.name}")
+            place = path if path.suffix == ".mcap" else f"the folder {path}"
+            note(f"recording realm {settings.realm} to {place}; its name is {control.name}")
             _wait(recorder, stopped, count, duration)
         except Interrupted:
             pass
@@ -169,10 +170,12 @@ def record(
         files = {"files": recorder.status.files}
         print_json({"recorded": str(path), "complete": totals.complete, **facts, **files})
     else:
-        files_text = "" if path.suffix == ".mcap" else f" in {recorder.status.files:,} files"
+        files_text = "" if path.suffix == ".mcap" else f" in {counted(recorder.status.files, 'file')}"
         missing = f", {totals.gap_events:,} missing in {totals.gaps:,} gaps" if totals.gaps else ""
         rejected = f", {totals.rejected:,} payloads rejected" if totals.rejected else ""
-        print(f"recorded {totals.events:,} events to {path}{files_text}{missing}{rejected}; complete: {totals.complete}")
+        print(
+            f"recorded {counted(totals.events, 'event')} to {path}{files_text}{missing}{rejected}; complete: {totals.complete}"
+        )
     return Exit.OK if totals.complete == "yes" else Exit.LOST
 
 

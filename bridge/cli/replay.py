@@ -13,7 +13,7 @@ from bridge.cli.exits import Exit, Usage
 from bridge.cli.options import COMMON, Common, note, open_bus, parse_filter
 from bridge.cli.progress import counting
 from bridge.cli.recordings import PART, known_classes, recordings, times
-from bridge.cli.show import View, clean, print_json
+from bridge.cli.show import View, clean, counted, print_json
 from bridge.cli.signals import Interrupted
 from bridge.core import keys
 
@@ -252,7 +252,7 @@ def _onto_bus(part: _Part, how: _How, settings: "Settings", known: "Catalog", *,
                 print_json({"replaying": [str(file) for file in part.files], **told})
             else:
                 named = "" if player.control.name == player.realm else f", as {player.control.name}"
-                print(f"replaying {part.span.events:,} events in realm {player.realm}{named}", flush=True)
+                print(f"replaying {counted(part.span.events, 'event')} in realm {player.realm}{named}", flush=True)
             with keyboard(player):
                 while not player.wait(_STEP_S):
                     pass
@@ -269,7 +269,7 @@ def _tell(report: "ReplayReport", verb: str, *, where: str = "", as_json: bool) 
     if as_json:
         print_json({verb.replace(" ", "_"): msgspec.to_builtins(report)})
     else:
-        words = [f"{verb} {report.events:,} events{f' {where}' if where else ''}"]
+        words = [f"{verb} {counted(report.events, 'event')}{f' {where}' if where else ''}"]
         words += [f"{report.filtered_out:,} not taken by the filter"] if report.filtered_out else []
         words += [f"{report.keyframes:,} keyframe{'s' if report.keyframes > 1 else ''}"] if report.keyframes else []
         print(", ".join(words))

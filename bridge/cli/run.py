@@ -51,6 +51,8 @@ def run(
     factories = Factories()
     if common.settings is not None:
         raise Usage("--settings: a plant's settings stand in its own file")
+    if not plant.exists():
+        raise Usage(f"{plant}: no such file")
     read = read_plant(plant.read_bytes(), str(plant))
     faults = list(_faulty_settings(read))
     try:

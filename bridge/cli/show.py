@@ -66,6 +66,11 @@ def clean(text: str) -> str:
     return text.translate(_HOSTILE).encode("utf-8", "replace").decode()
 
 
+def counted(number: int, noun: str) -> str:
+    """How many of something, e.g. 1 event, 2,000 events."""
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
 def on_terminal() -> bool:
     """Whether a person watches stdout."""
     return sys.stdout.isatty()

@@ -76,7 +76,7 @@ def control_command(name: str, value: str | None = None) -> ControlCommand:
     if value is not None and not fields:
         raise ValueError(f"{name} takes no value")
     if value is None and fields and fields[0].required:
-        raise ValueError(f"{name} needs a value: {fields[0].name}")
+        raise ValueError(f"{name} needs a value{'' if fields[0].name == name else f': {fields[0].name}'}")
     given = {} if value is None else {fields[0].name: value}
     try:
         command: ControlCommand = msgspec.convert({"do": name, **given}, ControlCommand, strict=False)

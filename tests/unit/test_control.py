@@ -220,6 +220,7 @@ def test_a_command_is_written_as_a_name_and_a_value(name: str, value: str | None
         ("fly", None, "'fly' is no command; expected one of status, pause"),
         ("pause", "1", "pause takes no value"),
         ("seek", None, "seek needs a value: to"),
+        ("rate", None, "rate needs a value$"),
         ("step", "0", "step: .*>= 1"),
         ("rate", "fast", "rate: Expected `float`"),
         ("rate", "-1", "rate: .*>= 0"),

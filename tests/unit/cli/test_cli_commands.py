@@ -201,6 +201,12 @@ def test_every_command_speaks_json(name: str, capsys: pytest.CaptureFixture[str]
     assert "--json" in help_of(name, capsys)
 
 
+def test_a_plant_that_is_not_there_is_said_as_elsewhere(capsys: pytest.CaptureFixture[str]) -> None:
+    """As wrong usage, in the words of the other commands."""
+    assert run(["run", "gone.toml"]) == Exit.USAGE
+    assert capsys.readouterr().err == "tcbridge: gone.toml: no such file\n"
+
+
 @pytest.mark.parametrize(
     ("line", "expected"),
     [

@@ -36,6 +36,16 @@ def test_wrong_usage_ends_with_2_and_makes_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(("name", "said"), [("plant.mcap", "to {}; its name"), ("plant.mcapp", "to the folder {}; its name")])
+def test_a_name_that_is_no_file_is_said_to_be_a_folder(
+    name: str, said: str, bus_config: BusConfig, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """So a slip in the suffix is seen at once."""
+    path = tmp_path / name
+    assert run(["record", str(path), "--duration", "0.1", "--scouting-group", bus_config.scouting_group]) == 0
+    assert said.format(path) in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("text", "size_bytes"),
     [("", 0), ("0", 0), ("1000000", 10**6), ("100MB", 10**8), ("2GB", 2 * 10**9), ("1.5k", 1500), ("3 TB", 3 * 10**12)],

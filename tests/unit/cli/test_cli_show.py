@@ -162,6 +162,12 @@ def test_brackets_in_a_text_are_no_markup(capsys: pytest.CaptureFixture[str], mo
     assert "[red]y" in out
 
 
+@pytest.mark.parametrize(("number", "text"), [(0, "0 events"), (1, "1 event"), (2000, "2,000 events")])
+def test_one_is_not_many(number: int, text: str) -> None:
+    """A count and its noun agree."""
+    assert show.counted(number, "event") == text
+
+
 def test_a_narrow_terminal_leaves_out_columns_without_values(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
