@@ -193,7 +193,10 @@ class Publisher:
                 self._make_room()
             seq, key_seq = self._seq + 1, state.sent_key_seq + 1
             event = replace(event, session=self.session, seq=seq, key_seq=key_seq, time_ns=event.time_ns or self._clock())
-            element = self._encode(event)
+            try:
+                element = self._encode(event)
+            except UnicodeEncodeError as error:
+                raise codec.no_text(error) from None
             size, name = len(element), event.source_name
             if (
                 size > self._harmless

@@ -80,27 +80,28 @@ def _known(encoding: Encoding) -> Encoding:
     raise CodecError(f"encoding {encoding!r} is not one of {', '.join(ENCODINGS)}")
 
 
-def _told(encode_any: Callable[[AnyEvent], bytes]) -> Callable[[AnyEvent], bytes]:
-    def encode_one(event: AnyEvent) -> bytes:
-        try:
-            return encode_any(event)
-        except UnicodeEncodeError as error:
-            raise CodecError(f"text is not encodable as UTF-8: {error.reason}") from None
-
-    return encode_one
-
-
-_ENCODERS: Final = {JSON: _told(msgspec.json.Encoder().encode), MSGPACK: _told(msgspec.msgpack.Encoder().encode)}
+_ENCODERS: Final = {JSON: msgspec.json.Encoder().encode, MSGPACK: msgspec.msgpack.Encoder().encode}
 
 
 def encoder(encoding: Encoding = JSON) -> Callable[[AnyEvent], bytes]:
-    """What encode() does for one encoding, for who sends many. CodecError for an unknown encoding."""
+    """What encode() does for one encoding, for who sends many: it lets UnicodeEncodeError through, which no_text() words.
+
+    CodecError for an unknown encoding.
+    """
     return _ENCODERS[_known(encoding)]
+
+
+def no_text(error: UnicodeEncodeError) -> CodecError:
+    """What an encoder says of text that is not UTF-8 (lone surrogates), as our error."""
+    return CodecError(f"text is not encodable as UTF-8: {error.reason}")
 
 
 def encode(event: AnyEvent, encoding: Encoding = JSON) -> bytes:
     """One event as one element. CodecError for text that is not UTF-8 (lone surrogates) or an unknown encoding."""
-    return encoder(encoding)(event)
+    try:
+        return encoder(encoding)(event)
+    except UnicodeEncodeError as error:
+        raise no_text(error) from None
 
 
 def harmless_sizes(smallest: AnyEvent, encoding: Encoding = JSON, limits: Limits = DEFAULT_LIMITS) -> tuple[int, int]:
