@@ -76,6 +76,8 @@ def test_what_was_sent_can_be_asked_for() -> None:
         question = keys.verb_key("live", "plc1", "@sent", publisher.session)
         (answer,) = bus.ask(question, msgspec.json.encode(Missing(publisher.session, key, 3, 5)))
         assert codec.decode(answer.payload, answer.encoding).events == sent[2:5]
+        (later,) = bus.ask(question, msgspec.json.encode(Missing(publisher.session, key, 3, 5, after_seq=4)))
+        assert codec.decode(later.payload, later.encoding).events == sent[4:5]
         (numbers,) = bus.ask(question)
         assert msgspec.json.decode(numbers.payload, type=Beat).keys == {key: 10}
         (refusal,) = bus.ask(question, b"nonsense")

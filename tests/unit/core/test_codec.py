@@ -275,3 +275,18 @@ def test_decoded_numbers_can_be_sent_on_in_either_encoding() -> None:
     decoded = codec.decode(changed('"type":4', f'"type":{"9" * 30}'))
     assert decoded.events == []
     assert codec.decode(changed('"event_id":7', f'"event_id":{"9" * 400}')).events == []
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [({"source_name": "x" * 256}, "source_name_chars"), ({"source_guid": "{" + EVENT_CLASS + "}"}, "source_guid")],
+)
+def test_under_its_key_too_an_event_keeps_the_limits(encoding: str, change: dict[str, str], reason: str) -> None:
+    """One that does not is rejected with the reason, and its neighbours are taken."""
+    good = message_sent()
+    bad = msgspec.structs.replace(good, **change)
+    payload = codec.join([codec.encode(each, encoding) for each in (good, bad, good)], encoding)
+    decoded = codec.decode(payload, encoding, parse_event_key(event_key("live", good)))
+    assert decoded.events == [good, good]
+    assert [reason in each.reason for each in decoded.rejected] == [True]
